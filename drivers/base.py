@@ -1,0 +1,142 @@
+"""The contract between the loop and a rig: what every driver does, in which order, in which units.
+
+A driver owns one connection to one rig. The loop calls it from one thread, in this order::
+
+    driver = Driver(options, clock)
+    driver.open(inputs, outputs)      # takes the hardware, sends nothing that moves it
+    driver.start()                    # opening frames; from here on samples arrive
+    each tick:  driver.wait(deadline) # only when the loop is paced by a sensor
+                driver.read(t)  ->  driver.write(t, values) or driver.neutral(t)
+    driver.neutral(t); driver.close()
+
+A call in the wrong state raises `DriverStateError`, which says what to call first. A connection that fails
+while it runs never raises: it is counted, and `trouble` says why until it works again.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pydantic import BaseModel
+
+Clock = "Callable[[], float]"
+"""Returns CLOCK_MONOTONIC in s (or simulated time): handed in, so that drivers can be tested without waiting."""
+
+
+class DriverError(Exception):
+    """A driver could not do what was asked; the message names the place and what would be right."""
+
+
+class DriverStateError(DriverError):
+    """A call came in the wrong state, such as `read` before `open`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One quantity that a driver carries.
+
+    Attributes:
+        name: As written in the rig file, for CAN `Message.Signal`.
+        direction: `input` (sensor to loop) or `output` (loop to actuator).
+        unit: Unit of the numbers that the driver exchanges ("rad", "V", "" where unknown).
+        minimum: Smallest number that can be carried, in `unit`.
+        maximum: Largest number that can be carried, in `unit`.
+    """
+
+    name: str
+    direction: Literal["input", "output"]
+    unit: str = ""
+    minimum: float = -math.inf
+    maximum: float = math.inf
+
+
+class Sample(NamedTuple):
+    """The newest reading of one input: its value in the channel's unit and the time it was taken in s.
+
+    A channel that has never been heard of is `(nan, -inf)`. A new sample is one with a new `t`.
+    """
+
+    value: float
+    t: float
+
+
+NO_SAMPLE = Sample(math.nan, -math.inf)
+
+
+class Driver(ABC):
+    """Base of all drivers. Subclasses are listed in `drivers.TABLE` or under the entry point `seod.drivers`."""
+
+    Options: ClassVar[type[BaseModel]]
+    """Strict pydantic model of the rig file's `driver:` section (with `kind`)."""
+
+    push: ClassVar[bool]
+    """True if samples arrive by themselves, so that `wait` can pace the loop."""
+
+    counter_names: ClassVar[tuple[str, ...]]
+    """Names of the health counters, fixed for a class, in the order of `counters`."""
+
+    def __init__(self, options: Any, clock: Callable[[], float]) -> None:
+        self.options = options
+        self.clock = clock
+        self.counters: list[int] = [0] * len(self.counter_names)
+        self.trouble = ""
+        """Why the rig cannot be reached now ("" when it can); the guard faults on it."""
+
+    @classmethod
+    @abstractmethod
+    def channels(cls, options: Any) -> tuple[Channel, ...]:
+        """All channels that these options offer, without opening anything (`seod check` uses it)."""
+
+    @abstractmethod
+    def open(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+        """Take the connection for these channels; `read` and `write` keep their order.
+
+        Raises:
+            DriverError: The connection cannot be had, or a channel is unknown.
+        """
+
+    @abstractmethod
+    def start(self) -> None:
+        """Send the opening frames; samples arrive from here on."""
+
+    def wait(self, deadline: float) -> bool:
+        """Block until a new sample of the first input arrived (True) or until `deadline` in s (False)."""
+        raise DriverStateError(f"{type(self).__name__} does not push samples: use pace: timer")
+
+    @abstractmethod
+    def read(self, t: float) -> Sequence[Sample]:
+        """The newest sample of each input at tick time `t`; never blocks."""
+
+    @abstractmethod
+    def write(self, t: float, values: Sequence[float]) -> float:
+        """Send one value for each output; returns when they left, in s. Never blocks."""
+
+    def left(self) -> float:
+        """When the last write really left, in s, as the hardware confirmed it; nan where it cannot tell."""
+        return math.nan
+
+    @abstractmethod
+    def neutral(self, t: float) -> float:
+        """Send each output's neutral value, ahead of anything still waiting; returns when it left, in s."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the connection back; may be called twice, and in any state."""
+
+    def neutral_recipe(self) -> Mapping[str, Any]:
+        """How another process can write neutral if this one dies (see `drivers.neutral`).
+
+        Returns:
+            A JSON-able mapping with `kind`; `{"kind": "none", "why": ...}` where no other process can.
+        """
+        return {"kind": "none", "why": f"{type(self).__name__} is reachable only from the loop process"}
+
+    def truth(self) -> Mapping[str, Mapping[str, float]]:
+        """True K_L, omega_n [rad/s] and zeta per plant, for simulated rigs; empty for real ones."""
+        return {}

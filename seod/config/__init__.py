@@ -1,0 +1,1 @@
+"""The rig file: one YAML file describes one rig."""

@@ -1,0 +1,111 @@
+"""What every estimator takes and gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Protocol
+
+
+class Row(NamedTuple):
+    """One tick of one axis, in SI units of the axis (rad or m, V, s).
+
+    `y` was sampled at `t`; `u` was computed from it, left at `t_u` and holds until the next row's.
+    """
+
+    t: float
+    y: float
+    u: float
+    t_u: float
+    reference: float
+    """Set point of the relay's input signal e = reference - y."""
+    e_a: float
+    """Relay amplitude in force [V]; 0 while the relay is not exciting (entry ramp included: it ramps)."""
+    bias: float
+    """Voltage added behind the relay [V]."""
+    exciting: bool
+    """The relay is on at full amplitude: this row belongs to a limit cycle."""
+    fresh: bool = True
+    """False if no new sample arrived for this tick (`t`, `y` repeat the last one)."""
+
+
+QUALITIES = (
+    "ok",
+    "settling",
+    "no_oscillation",
+    "asymmetric",
+    "nonlinear",
+    "noisy",
+    "saturated",
+    "stale",
+    "out_of_range",
+    "fault",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One answer of an estimator. None means undefined; never nan.
+
+    Units: zeta [-], omega_n and frequency [rad/s], K_L [axis unit/s/V], delay_s [s], amplitude [axis unit],
+    asymmetry [-] (duty of the positive half minus 1/2), mean_speed [axis unit/s], fitness [0..1].
+    """
+
+    t: float
+    """End of the window [s, CLOCK_MONOTONIC]."""
+    method: str
+    quality: str
+    zeta: float | None = None
+    zeta_sd: float | None = None
+    omega_n: float | None = None
+    omega_n_sd: float | None = None
+    K_L: float | None = None
+    K_L_sd: float | None = None
+    delay_s: float | None = None
+    frequency: float | None = None
+    amplitude: float | None = None
+    asymmetry: float | None = None
+    mean_speed: float | None = None
+    fitness: float | None = None
+    advice: str | None = None
+    """What a person should do about a quality that is not ok."""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorSettings:
+    """What an estimator knows beforehand.
+
+    Attributes:
+        method: `peaks` or `exact`.
+        K_L: Plant gain [axis unit/s/V].
+        hysteresis: Half-width eps of the relay's hysteresis [axis unit]; switches at e = +eps and -eps.
+        delay_s: Known delay between `t_u` and the actuator [s], sensor lag included.
+        period_s: Nominal tick period [s].
+        cycles: Window in cycles over which agreement is judged and estimates are averaged.
+        lowpass_hz: Cut-off of the low-pass of section 2.3(2) for `peaks`; None for no filter.
+    """
+
+    method: str
+    K_L: float
+    hysteresis: float
+    delay_s: float
+    period_s: float
+    cycles: int
+    lowpass_hz: float | None
+
+
+class Estimator(Protocol):
+    """Fed row by row, answers each half cycle."""
+
+    method: ClassVar[str]
+
+    def update(self, row: Row) -> Estimate | None:
+        """Take one row; an estimate when a half cycle has just ended or the state of the answer changed."""
+
+    def reset(self) -> None:
+        """Forget everything (fault, new excitation, changed settings)."""
+
+
+def finite_or_none(x: float) -> float | None:
+    """`x`, or None where it is nan or infinite: the stream's form of undefined."""
+    return x if math.isfinite(x) else None

@@ -1,0 +1,1 @@
+"""The simulated rig: plant, sensors, amplifier. Knows nothing of the daemon."""
