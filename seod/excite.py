@@ -1,0 +1,135 @@
+"""Controllers of one axis: each takes the time and the error e = reference - y, and returns a voltage.
+
+The relay is a controller like the others, so that it is swapped in and out without a special case. None of them
+reads a clock, and none of them decides what reaches the actuator: that is the guard's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+class Controller(Protocol):
+    """One law from error to voltage."""
+
+    def step(self, t: float, e: float) -> float:
+        """Voltage [V] for the error `e` [axis unit] at time `t` [s]."""
+
+
+class Relay:
+    """The relay of Fig. 2 with hysteresis and bias; its amplitude rises from 0 to e_a in the entry time.
+
+    Args:
+        start: Time at which it is switched on [s].
+        entry: Length of the rise [s].
+        e_a: Amplitude [V].
+        hysteresis: Half-width [axis unit]: switches up at e >= hysteresis, down at e <= -hysteresis.
+        bias: Added behind the relay [V].
+    """
+
+    def __init__(self, start: float, entry: float, e_a: float, hysteresis: float, bias: float) -> None:
+        self.start = start
+        self.entry = entry
+        self.e_a = e_a
+        self.hysteresis = hysteresis
+        self.bias = bias
+        self.sign = 1.0
+
+    def amplitude(self, t: float) -> float:
+        """Amplitude in force at `t` [V]."""
+        since = t - self.start
+        return self.e_a if since >= self.entry else self.e_a * since / self.entry
+
+    def step(self, t: float, e: float) -> float:
+        """Switch where the error has crossed the hysteresis."""
+        if e > self.hysteresis:
+            self.sign = 1.0
+        elif e < -self.hysteresis:
+            self.sign = -1.0
+        return self.sign * self.amplitude(t) + self.bias
+
+
+class PositionHold:
+    """Proportional control back to the reference, with a limited output.
+
+    Args:
+        gain: [V per axis unit].
+        limit: Largest control voltage [V].
+        bias: Added behind it [V].
+    """
+
+    def __init__(self, gain: float, limit: float, bias: float) -> None:
+        self.gain = gain
+        self.limit = limit
+        self.bias = bias
+
+    def step(self, t: float, e: float) -> float:  # noqa: ARG002 - a controller's form
+        """Proportional, clipped."""
+        return max(-self.limit, min(self.limit, self.gain * e)) + self.bias
+
+
+@dataclass(frozen=True, slots=True)
+class PolarityResult:
+    """What the pulse showed: movement [axis unit] beyond the drift before it, and whether that is right."""
+
+    ok: bool
+    movement: float
+    why: str
+
+
+class PolarityPulse:
+    """A small pulse that shows whether a positive voltage moves the sensor up.
+
+    First it watches the drift at the bias alone, for as long as the pulse may last; then it pulses until the
+    movement beyond that drift is clear, or the time is over.
+
+    Args:
+        start: Time of the beginning [s].
+        voltage: Height [V].
+        duration: Longest pulse [s].
+        movement: Movement that is clear [axis unit].
+        bias: Voltage at which the actuator should stand still [V].
+    """
+
+    def __init__(self, start: float, voltage: float, duration: float, movement: float, bias: float) -> None:
+        self.start = start
+        self.voltage = voltage
+        self.duration = duration
+        self.movement = movement
+        self.bias = bias
+        self.e_before: float | None = None
+        self.e_pulse: float | None = None
+        self.result: PolarityResult | None = None
+
+    def step(self, t: float, e: float) -> float:
+        """Bias alone, then the pulse, then bias alone for good."""
+        if self.e_before is None:
+            self.e_before = e
+        pulsing = t - self.start - self.duration
+        if pulsing < 0.0 or self.result is not None:
+            return self.bias
+        if self.e_pulse is None:
+            self.e_pulse = e
+        self._judge(pulsing, e)
+        return self.bias if self.result is not None else self.bias + self.voltage
+
+    def _judge(self, pulsing: float, e: float) -> None:
+        assert self.e_before is not None  # noqa: S101 - set in the same step
+        assert self.e_pulse is not None  # noqa: S101 - likewise
+        drift = (self.e_before - self.e_pulse) / self.duration
+        moved = self.e_pulse - e - drift * pulsing
+        what = f"{self.voltage:+.3g} V for {pulsing * 1e3:.0f} ms moved the sensor by {moved:+.3g}"
+        if moved >= self.movement:
+            self.result = PolarityResult(True, moved, what)
+        elif moved <= -self.movement:
+            self.result = PolarityResult(
+                False, moved, f"wrong sign: {what}; turn the sign of the sensor's or the output's scale"
+            )
+        elif pulsing >= self.duration:
+            self.result = PolarityResult(
+                False,
+                moved,
+                f"no movement: {what}, less than polarity.movement = {self.movement:.3g}; is the "
+                "pressure on and the valve connected, or should the pulse be higher or longer?",
+            )

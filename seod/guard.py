@@ -1,0 +1,267 @@
+"""The guard alone decides what reaches an actuator. Pure: time and values in, verdicts out.
+
+Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives every axis
+of the rig to neutral in the same tick and latches. Output and slew limits clip instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drivers.base import Sample
+    from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """Why the guard stopped the rig: a code for programs, a sentence for people, the numbers behind it."""
+
+    code: str
+    why: str
+    numbers: dict[str, float] = field(default_factory=dict)
+
+
+class SpeedMeter:
+    """Mean speed over a window, so that quantisation and noise do not look like speed."""
+
+    def __init__(self, window: float) -> None:
+        self.window = window
+        self.points: deque[tuple[float, float]] = deque()
+
+    def update(self, t: float, y: float) -> float:
+        """Speed [axis unit/s] over the last window; 0 until a window is full."""
+        points = self.points
+        points.append((t, y))
+        while len(points) > 2 and t - points[1][0] >= self.window:
+            points.popleft()
+        t0, y0 = points[0]
+        return (y - y0) / (t - t0) if t - t0 >= self.window else 0.0
+
+
+class SwingMeter:
+    """Half the peak-to-peak movement, in blocks: tells the amplitude now and how fast it grows."""
+
+    BLOCK_S = 0.25
+    KEPT = 4
+
+    def __init__(self, t: float) -> None:
+        self.block_end = t + self.BLOCK_S
+        self.low = math.inf
+        self.high = -math.inf
+        self.blocks: deque[tuple[float, float]] = deque(maxlen=self.KEPT)
+
+    def update(self, t: float, y: float) -> float:
+        """Take one sample; half the peak-to-peak movement over about the last second [axis unit]."""
+        if t >= self.block_end:
+            self.blocks.append((self.low, self.high))
+            self.block_end = t + self.BLOCK_S
+            self.low = self.high = y
+        elif y < self.low:
+            self.low = y
+        if y > self.high:
+            self.high = y
+        low = min((block[0] for block in self.blocks), default=self.low)
+        high = max((block[1] for block in self.blocks), default=self.high)
+        return 0.5 * (max(high, self.high) - min(low, self.low))
+
+    def growth(self) -> float:
+        """Swing of the newest whole block over that of the oldest kept one; 1 until there are enough."""
+        if len(self.blocks) < self.KEPT:
+            return 1.0
+        first, last = self.blocks[0], self.blocks[-1]
+        return (last[1] - last[0]) / max(first[1] - first[0], 1e-300)
+
+
+class AxisGuard:
+    """Limits of one axis.
+
+    Args:
+        name: The axis, for messages.
+        limits: Its limits, in SI units.
+        guard: The rig's guard settings.
+    """
+
+    SPEED_WINDOW_S = 5e-3
+
+    def __init__(self, name: str, limits: LimitsConfig, guard: GuardConfig) -> None:
+        self.name = name
+        self.limits = limits
+        self.guard = guard
+        self.speed = SpeedMeter(self.SPEED_WINDOW_S)
+        self.swing: SwingMeter | None = None
+        self.moved_at = -math.inf
+        self.last_y = math.nan
+        self.last_u = 0.0
+        self.last_t = -math.inf
+
+    def ready(self, t: float, sample: Sample, y: float) -> Trip | None:
+        """Why this axis could not be moved now: silent or non-finite sensor, outside its travel."""
+        return self._stale(t, sample) or self._finite(y) or self._travel(y)
+
+    def inspect(self, t: float, sample: Sample, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
+        """Judge the newest sample of a moving axis.
+
+        Args:
+            t: Tick time [s].
+            sample: Raw sample, for its time.
+            y: Position in SI units.
+            exciting: The relay is on: the sensor must move.
+            growth_counts: The relay has been at its amplitude long enough for growth to mean something.
+        """
+        return (
+            self.ready(t, sample, y)
+            or self._speed(sample, y)
+            or self._amplitude(t, y, exciting, growth_counts)
+            or self._frozen(t, y, exciting)
+        )
+
+    def pass_command(self, t: float, u: float) -> float:
+        """Clip a command to output and slew limits [V]; `u` must be finite."""
+        limit = self.limits.output
+        out = max(-limit, min(limit, u))
+        if self.limits.slew is not None:
+            step = self.limits.slew * min(t - self.last_t, 1.0)
+            out = max(self.last_u - step, min(self.last_u + step, out))
+        self.last_u, self.last_t = out, t
+        return out
+
+    def neutral(self, t: float) -> None:
+        """Note that the output went to neutral, past the slew limit."""
+        self.last_u, self.last_t = 0.0, t
+
+    def _stale(self, t: float, sample: Sample) -> Trip | None:
+        age = t - sample.t
+        if age <= self.guard.stale:
+            return None
+        heard = f"{age * 1e3:.1f} ms old" if math.isfinite(age) else "never heard of"
+        return Trip(
+            "stale_sample",
+            f"{self.name}: the sensor's newest sample is {heard}; guard.stale is {self.guard.stale * 1e3:.1f} ms",
+            {"age_s": age if math.isfinite(age) else -1.0, "limit_s": self.guard.stale},
+        )
+
+    def _finite(self, y: float) -> Trip | None:
+        if math.isfinite(y):
+            return None
+        return Trip("non_finite", f"{self.name}: the sensor reads {y}")
+
+    def _travel(self, y: float) -> Trip | None:
+        low, high = self.limits.travel
+        if low <= y <= high:
+            return None
+        return Trip(
+            "travel",
+            f"{self.name}: position {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
+            {"position": y, "low": low, "high": high},
+        )
+
+    def _speed(self, sample: Sample, y: float) -> Trip | None:
+        if sample.t <= (self.speed.points[-1][0] if self.speed.points else -math.inf):
+            return None
+        speed = self.speed.update(sample.t, y)
+        if abs(speed) <= self.limits.speed:
+            return None
+        return Trip(
+            "speed",
+            f"{self.name}: speed {speed:.4g} is over limits.speed {self.limits.speed:.4g}",
+            {"speed": speed, "limit": self.limits.speed},
+        )
+
+    def _amplitude(self, t: float, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
+        if not exciting:
+            self.swing = None
+            return None
+        if self.swing is None:
+            self.swing = SwingMeter(t)
+        swing = self.swing.update(t, y)
+        if swing > self.limits.amplitude:
+            return Trip(
+                "amplitude",
+                f"{self.name}: amplitude {swing:.4g} is over limits.amplitude {self.limits.amplitude:.4g}",
+                {"amplitude": swing, "limit": self.limits.amplitude},
+            )
+        growth = self.swing.growth()
+        if growth_counts and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
+            return Trip(
+                "amplitude_growth",
+                f"{self.name}: the oscillation grew {growth:.3g} times within a second; limits.growth is "
+                f"{self.limits.growth:.3g}",
+                {"growth": growth, "limit": self.limits.growth, "amplitude": swing},
+            )
+        return None
+
+    def _frozen(self, t: float, y: float, exciting: bool) -> Trip | None:
+        if y != self.last_y or not exciting:
+            self.last_y, self.moved_at = y, t
+            return None
+        still = t - self.moved_at
+        if still <= self.guard.frozen:
+            return None
+        return Trip(
+            "frozen_sensor",
+            f"{self.name}: the sensor has read {y:.6g} for {still * 1e3:.0f} ms while the relay is on; "
+            f"guard.frozen is {self.guard.frozen * 1e3:.0f} ms",
+            {"position": y, "still_s": still, "limit_s": self.guard.frozen},
+        )
+
+
+class OverrunGuard:
+    """Trips on a burst of late ticks."""
+
+    def __init__(self, count: int, window: float) -> None:
+        self.window = window
+        self.late: deque[float] = deque(maxlen=count)
+
+    def inspect(self, t: float, lateness: float, period: float) -> Trip | None:
+        """Note a tick that began `lateness` [s] late; a trip if that was one too many."""
+        if lateness <= period:
+            return None
+        self.late.append(t)
+        if len(self.late) < (self.late.maxlen or 0) or t - self.late[0] > self.window:
+            return None
+        count = len(self.late)
+        return Trip(
+            "overruns",
+            f"{count} ticks within {self.window * 1e3:.0f} ms were more than a period late, the last by "
+            f"{lateness * 1e3:.2f} ms",
+            {"count": float(count), "lateness_s": lateness, "period_s": period},
+        )
+
+
+def hung(lateness: float, limit: float) -> Trip | None:
+    """A loop that slept through `limit` [s] (stopped and woken) must not act on the old world."""
+    if lateness <= limit:
+        return None
+    return Trip(
+        "hang",
+        f"the loop stood still for {lateness * 1e3:.0f} ms; loop.hang_timeout is {limit * 1e3:.0f} ms",
+        {"lateness_s": lateness, "limit_s": limit},
+    )
+
+
+def estop_open(config: EstopConfig, t: float, sample: Sample, stale: float) -> Trip | None:
+    """The e-stop line must be heard of and must allow movement."""
+    if t - sample.t > stale:
+        return Trip("estop", f"the e-stop channel {config.channel} is silent")
+    if sample.value == config.run:
+        return None
+    return Trip(
+        "estop",
+        f"e-stop: {config.channel} reads {sample.value:g}, movement is allowed at {config.run:g}",
+        {"value": sample.value if math.isfinite(sample.value) else -1.0, "run": config.run},
+    )
+
+
+def dead_man(limit: float | None, t: float, last_keepalive: float) -> Trip | None:
+    """A client must be heard of while the rig moves."""
+    if limit is None or t - last_keepalive <= limit:
+        return None
+    return Trip(
+        "dead_man",
+        f"no client called keepalive for {t - last_keepalive:.2f} s; guard.dead_man is {limit:.2f} s",
+        {"silent_s": t - last_keepalive, "limit_s": limit},
+    )
