@@ -1,0 +1,128 @@
+"""Fixtures for all tests: a test may leave nothing behind.
+
+Each test is compared before and after: child processes, threads, asyncio tasks and file descriptors (sockets,
+memfds, pipes, files). What wider fixtures hold (a daemon shared by a module, an event loop, the channels of
+pytest-xdist) is there before the test as well and does not count. Processes that lost their parent are
+looked for at the end of each module.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import os
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable, Iterator
+
+    Found = Counter[str]
+
+GRACE_S = 0.3
+"""What ends by itself within this time is not a leak (a thread between its last line and its end)."""
+
+MARK = "SEOD_TEST_PROCESS"
+"""Environment variable inherited by all that a test starts: finds processes that lost their parent."""
+
+os.environ[MARK] = str(os.getpid())
+
+
+def open_descriptors() -> Found:
+    """What this process has open, as the kernel names it: `socket:[123]`, `/memfd:seod (deleted) inode 7`."""
+    found: Found = Counter()
+    for fd in os.listdir("/proc/self/fd"):
+        try:
+            target = os.readlink(f"/proc/self/fd/{fd}")
+            inode = os.stat(int(fd)).st_ino
+        except OSError:  # the descriptor of the listing itself, or one closed by a thread meanwhile
+            continue
+        found[f"{target} inode {inode}" if target.startswith("/") else target] += 1
+    return found
+
+
+def child_processes() -> Found:
+    """Children of this process, those that ended without being waited for included."""
+    pids = [pid for path in Path("/proc/self/task").glob("*/children") for pid in path.read_text().split()]
+    return Counter(f"process {pid} ({_command(pid)})" for pid in pids)
+
+
+def marked_processes() -> Found:
+    """All other processes that this one started, however deep, with or without a parent."""
+    wanted = f"{MARK}={os.getpid()}".encode()
+    found: Found = Counter()
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit() or entry.name == str(os.getpid()):
+            continue
+        try:
+            environment = (entry / "environ").read_bytes()
+        except OSError:  # ended meanwhile, or someone else's
+            continue
+        if wanted in environment.split(b"\0"):
+            found[f"process {entry.name} ({_command(entry.name)})"] += 1
+    return found
+
+
+def running_threads() -> Found:
+    """Python threads that are alive."""
+    return Counter(f"thread {thread.name} ({thread.ident})" for thread in threading.enumerate())
+
+
+def _command(pid: str) -> str:
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return "ended"
+    return b" ".join(words).decode(errors="replace").strip() or "ended, not waited for"
+
+
+def left_behind(looks: list[Callable[[], Found]], before: list[Found]) -> Found:
+    """What is there now and was not there before, once the grace time is over."""
+    deadline = time.monotonic() + GRACE_S
+    while True:
+        left = sum((look() - old for look, old in zip(looks, before, strict=True)), Counter[str]())
+        if not left or time.monotonic() > deadline:
+            return left
+        time.sleep(0.01)
+
+
+def _watch(*looks: Callable[[], Found]) -> Iterator[None]:
+    before = [look() for look in looks]
+    yield
+    left = left_behind(list(looks), before)
+    if left:
+        pytest.fail("left behind: " + "; ".join(sorted(left)), pytrace=False)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_orphans() -> Iterator[None]:
+    yield from _watch(child_processes, marked_processes)
+
+
+@pytest.fixture(autouse=True)
+def _no_leaks() -> Iterator[None]:
+    yield from _watch(child_processes, running_threads, open_descriptors)
+
+
+@pytest.fixture(autouse=True)
+def _no_leaked_tasks(_no_leaks: None, request: pytest.FixtureRequest) -> None:
+    # Set up within `_no_leaks`, so that the event loop's own descriptors are closed again when that looks.
+    if inspect.iscoroutinefunction(getattr(request.node, "obj", None)):
+        request.getfixturevalue("_task_watch")
+
+
+@pytest.fixture
+async def _task_watch() -> AsyncIterator[None]:
+    # The loop would cancel leftover tasks silently as it closes.
+    before = asyncio.all_tasks()
+    yield
+    for _ in range(10):  # a cancelled task needs a turn or two to end
+        await asyncio.sleep(0)
+    left = asyncio.all_tasks() - before - {asyncio.current_task()}
+    if left:
+        pytest.fail("left behind: " + "; ".join(sorted(map(repr, left))), pytrace=False)
