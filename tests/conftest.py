@@ -36,10 +36,10 @@ os.environ[MARK] = str(os.getpid())
 def open_descriptors() -> Found:
     """What this process has open, as the kernel names it: `socket:[123]`, `/memfd:seod (deleted) inode 7`."""
     found: Found = Counter()
-    for fd in os.listdir("/proc/self/fd"):
+    for entry in Path("/proc/self/fd").iterdir():
         try:
-            target = os.readlink(f"/proc/self/fd/{fd}")
-            inode = os.stat(int(fd)).st_ino
+            target = str(entry.readlink())
+            inode = entry.stat().st_ino
         except OSError:  # the descriptor of the listing itself, or one closed by a thread meanwhile
             continue
         found[f"{target} inode {inode}" if target.startswith("/") else target] += 1
