@@ -1,0 +1,63 @@
+# make run    the daemon on the simulated rig, with live estimates (FOR=10 ends it after 10 s)
+# make test   everything that CI checks
+#
+# Both set up .venv first, on any Debian or Ubuntu with Python 3.11 or later.
+
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+BIN := .venv/bin
+READY := .venv/ready
+PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
+
+.PHONY: run test lint format unit processes vm wheel bench schema lock clean
+
+run: $(READY)
+	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
+
+test: lint
+	$(BIN)/pytest
+
+lint: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(READY)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+unit: $(READY)
+	$(BIN)/pytest tests/unit -m "not processes"
+
+processes: $(READY)
+	$(BIN)/pytest -m processes
+
+vm: $(READY)
+	SEOD_REQUIRE_VM=1 $(BIN)/pytest tests/vm
+
+wheel: $(READY)
+	$(BIN)/pytest tests/test_wheel.py
+
+bench: $(READY)
+	for script in bench/*.py; do $(BIN)/python $$script || exit 1; done
+
+# Newest versions within the bounds of pyproject.toml, for all supported Python versions at once.
+lock: $(READY)
+	$(PIP) install uv
+	$(BIN)/uv pip compile -q --upgrade --universal --python-version 3.11 --extra dev \
+		--no-header --no-annotate pyproject.toml -o requirements.lock
+
+$(READY): requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "seod needs Python 3.11 or later: apt-get install python3 python3-venv"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { \
+		package=$$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'); \
+		test "$$(id -u)" = 0 || { echo "seod needs Python's venv module: sudo apt-get install $$package"; exit 1; }; \
+		apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$package; }
+	$(PYTHON) -m venv .venv
+	$(PIP) install -r requirements.lock
+	$(PIP) install --no-deps --no-build-isolation -e .
+	@touch $@
+
+clean:
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
