@@ -1,0 +1,146 @@
+"""Frames of a DBC to physical values and back, with sequence counters and checksums.
+
+Pure: no sockets, no clocks. The simulated rig uses the same codec from the other side.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from cantools.database import Error as CantoolsError
+
+from drivers.base import Channel
+from drivers.can_dbc import CodecError, Layout, load_database, message_problems, unknown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from drivers.can_config import CanOptions
+
+__all__ = ["CanCodec", "CodecError", "Decoded", "UnknownFrameError", "WrongLengthError"]
+
+
+class UnknownFrameError(CodecError):
+    """No message of the DBC has this identifier."""
+
+
+class WrongLengthError(CodecError):
+    """A frame is not as long as its message."""
+
+
+class Decoded(NamedTuple):
+    """One frame, understood.
+
+    Attributes:
+        message: Name in the DBC.
+        values: Signal -> physical value in its DBC unit.
+        counter: Raw sequence counter; None where the message has none.
+        checksum_ok: False if it has a checksum and that is wrong.
+    """
+
+    message: str
+    values: Mapping[str, float]
+    counter: int | None
+    checksum_ok: bool
+
+
+class CanCodec:
+    """Encodes and decodes the messages of one DBC.
+
+    Raises:
+        CodecError: The DBC cannot be used with these options.
+    """
+
+    def __init__(self, options: CanOptions) -> None:
+        database = load_database(options.dbc)
+        problems = message_problems(options.dbc, options.messages)
+        if problems:
+            raise CodecError("; ".join(problems))
+        self.node = options.node
+        self.layouts = {m.name: Layout(m, options.messages.get(m.name)) for m in database.messages}
+        self._by_id = {
+            (layout.message.frame_id, layout.message.is_extended_frame): layout
+            for layout in self.layouts.values()
+        }
+
+    def layout(self, message: str) -> Layout:
+        """The prepared message of this name.
+
+        Raises:
+            CodecError: No such message; names the close ones.
+        """
+        if message not in self.layouts:
+            raise CodecError(unknown("message", message, list(self.layouts)))
+        return self.layouts[message]
+
+    def counter_period(self, message: str) -> int:
+        """Number of values of a message's sequence counter; 0 where it has none."""
+        return self.layout(message).period
+
+    def encode(self, message: str, values: Mapping[str, float], counter: int) -> bytes:
+        """The data of one frame.
+
+        Values beyond what a signal can carry are clipped; signals left out have their start value in the DBC.
+
+        Args:
+            message: Name in the DBC.
+            values: Signal -> physical value in its DBC unit.
+            counter: Frames sent before; taken modulo the counter's period.
+
+        Raises:
+            CodecError: Unknown message or signal, or a value that is not finite.
+        """
+        layout = self.layout(message)
+        content = dict(layout.idle)
+        for name, value in values.items():
+            if name not in content or not math.isfinite(value):
+                raise CodecError(self._unencodable(layout, name, value))
+            lowest, highest = layout.ranges[name]
+            content[name] = lowest if value < lowest else highest if value > highest else value
+        if layout.counter is not None:
+            content[layout.counter] = counter % layout.period
+        data = bytearray(layout.message.encode(content, strict=False))
+        data.extend(bytes(layout.length - len(data)))
+        if layout.checksum is not None:
+            data[layout.checksum_byte] = layout.checksum_of(data)
+        return bytes(data)
+
+    def _unencodable(self, layout: Layout, name: str, value: float) -> str:
+        if name in layout.signals:
+            return f"{layout.name}.{name}: cannot send {value}"
+        return f"{layout.name}: {unknown('signal', name, list(layout.signals))}"
+
+    def decode(self, frame_id: int, extended: bool, data: bytes) -> Decoded:
+        """The content of one frame.
+
+        Raises:
+            UnknownFrameError: No message has this identifier.
+            WrongLengthError: The data are not as long as the message.
+        """
+        layout = self._by_id.get((frame_id, extended))
+        if layout is None:
+            raise UnknownFrameError(f"no message of the DBC has the id {frame_id:#x}")
+        if len(data) not in layout.lengths:
+            raise WrongLengthError(f"{layout.name} has {layout.message.length} bytes, the frame {len(data)}")
+        try:
+            content: Any = layout.message.decode_simple(data[: layout.message.length], decode_choices=False)
+        except CantoolsError as error:  # a multiplexer value that the DBC does not know
+            raise UnknownFrameError(f"{layout.name} cannot be decoded: {error}") from error
+        values: Mapping[str, float] = content
+        counter = int(values[layout.counter]) if layout.counter is not None else None
+        ok = layout.checksum is None or data[layout.checksum_byte] == layout.checksum_of(data)
+        return Decoded(layout.name, values, counter, ok)
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Each signal of the DBC that carries a quantity, as `Message.Signal`."""
+        found = []
+        for layout in self.layouts.values():
+            direction: Literal["input", "output"] = (
+                "output" if self.node in layout.message.senders else "input"
+            )
+            for signal in layout.carries():
+                lowest, highest = layout.ranges[signal.name]
+                name = f"{layout.name}.{signal.name}"
+                found.append(Channel(name, direction, signal.unit or "", lowest, highest))
+        return tuple(found)
