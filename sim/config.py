@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -39,6 +40,12 @@ class PlantConfig(BaseModel):
     stops: tuple[Finite, Finite] | None = None
     """End stops [output unit]: the load stands still there."""
 
+    @model_validator(mode="after")
+    def _starts_between_stops(self) -> PlantConfig:
+        if self.stops is not None and not self.stops[0] <= self.position <= self.stops[1]:
+            raise ValueError(f"position {self.position:g} must lie between the stops {list(self.stops)}")
+        return self
+
 
 class SimulationConfig(BaseModel):
     """A whole simulated rig."""
@@ -55,3 +62,14 @@ class SimulationConfig(BaseModel):
     """Rate of the sensor frames where the rig sends them by itself."""
     control_port: Annotated[int, Field(ge=0, le=65535)] = 7601
     """TCP port on loopback where `seod rig` takes faults and tells its true values."""
+
+    @model_validator(mode="after")
+    def _one_source_for_each_channel(self) -> SimulationConfig:
+        plants = self.plants.values()
+        for used in ([p.input for p in plants], [*(p.output for p in plants), *self.constants]):
+            twice = sorted(channel for channel, count in Counter(used).items() if count > 1)
+            if twice:
+                raise ValueError(
+                    f"channel {', '.join(twice)} is used twice: it can have one plant or constant"
+                )
+        return self

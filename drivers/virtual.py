@@ -1,0 +1,142 @@
+"""Driver of the simulated rig, in process: no bus and no other end, nothing between loop and plant but time.
+
+It keeps whatever time its clock tells: CLOCK_MONOTONIC in real time, or a simulated clock that steps as fast
+as it can (`realtime: false`). The plant is always where that time says.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from drivers.base import Channel, Driver, DriverError, DriverStateError, Sample
+from sim.config import SimulationConfig
+from sim.rig import NEUTRAL, SimulatedRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+
+class VirtualOptions(BaseModel):
+    """The rig file's `driver:` section for kind `virtual`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    kind: Literal["virtual"]
+    realtime: bool = True
+    """False: as fast as it can, on simulated time."""
+    simulation: SimulationConfig | None = None
+    """Filled from the rig file's top-level `simulation:` section."""
+
+
+def _required(options: VirtualOptions) -> SimulationConfig:
+    if options.simulation is None:
+        raise DriverError("driver.kind: virtual needs a simulation: section")
+    return options.simulation
+
+
+def _unopened(call: str) -> DriverStateError:
+    return DriverStateError(f"{call}: call open first")
+
+
+class VirtualDriver(Driver):
+    """Reads the plant at the tick's time and commands it at the clock's time."""
+
+    Options = VirtualOptions
+    push = True
+    counter_names: ClassVar[tuple[str, ...]] = ("samples", "commands", "watchdog_trips")
+
+    def __init__(self, options: VirtualOptions, clock: Callable[[], float]) -> None:
+        super().__init__(options, clock)
+        self.simulation = _required(options)
+        self.realtime = options.realtime
+        self.rig: SimulatedRig | None = None
+        self._period = 1.0 / self.simulation.sensor_rate_hz
+        self._next_sample = math.inf
+        self._sensors: list[Callable[[float], float]] = []
+        self._amplifiers: list[Callable[[float, float], None]] = []
+        self._neutral: list[float] = []
+
+    @classmethod
+    def channels(cls, options: VirtualOptions) -> tuple[Channel, ...]:
+        """Plant inputs [V], plant outputs (their unit is the rig file's affair) and constants."""
+        simulation = _required(options)
+        plants = simulation.plants.values()
+        return (
+            *(Channel(plant.input, "output", "V") for plant in plants),
+            *(Channel(plant.output, "input") for plant in plants),
+            *(Channel(name, "input") for name in simulation.constants),
+        )
+
+    def open(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+        """Build the rig, standing still."""
+        if self.rig is not None:
+            raise DriverStateError("the virtual rig is open already: close it first")
+        known = {(c.name, c.direction) for c in self.channels(self.options)}
+        asked = [(name, "input") for name in inputs] + [(name, "output") for name in outputs]
+        for name, direction in asked:
+            if (name, direction) not in known:
+                there = ", ".join(sorted(n for n, d in known if d == direction))
+                raise DriverError(f"no {direction} channel {name!r} in simulation:; there are {there}")
+        self.rig = SimulatedRig(self.simulation, self.clock())
+        self._sensors = [self.rig.sensor(name) for name in inputs]
+        self._amplifiers = [self.rig.amplifier(name) for name in outputs]
+        self._neutral = [NEUTRAL] * len(outputs)
+
+    def start(self) -> None:
+        """Let samples arrive, the first one sensor period from now."""
+        if self.rig is None:
+            raise _unopened("start")
+        self._next_sample = self.clock() + self._period
+
+    def wait(self, deadline: float) -> bool:
+        """Sleep to the next sample or to `deadline` [s]; on simulated time, tell at once which is first."""
+        if math.isinf(self._next_sample):
+            raise DriverStateError("wait: call start first")
+        due = self._next_sample
+        fresh = due <= deadline
+        left = min(due, deadline) - self.clock()
+        if self.realtime and left > 0.0:
+            time.sleep(left)
+        if fresh:  # samples that passed while nobody waited are gone
+            passed = (self.clock() - due) // self._period
+            self._next_sample = due + self._period * max(1.0, passed + 1.0)
+        return fresh
+
+    def read(self, t: float) -> list[Sample]:
+        """What each sensor says at `t` [s]: every reading is a new sample."""
+        if self.rig is None:
+            raise _unopened("read")
+        samples = [Sample(sensor(t), t) for sensor in self._sensors]
+        self.counters[0] += 1
+        self.counters[2] = self.rig.watchdog_trips()
+        return samples
+
+    def write(self, t: float, values: Sequence[float]) -> float:  # noqa: ARG002 - the plant hears it now
+        """Command each amplifier at the clock's time, which is returned [s]."""
+        if self.rig is None:
+            raise _unopened("write")
+        now = self.clock()
+        for amplifier, value in zip(self._amplifiers, values, strict=True):
+            amplifier(now, value)
+        self.counters[1] += 1
+        return now
+
+    def neutral(self, t: float) -> float:
+        """Command 0 V."""
+        return self.write(t, self._neutral)
+
+    def close(self) -> None:
+        """Forget the rig."""
+        self.rig = None
+        self._next_sample = math.inf
+
+    def truth(self) -> Mapping[str, Mapping[str, float]]:
+        """True K_L [channel unit/s/V], omega_n [rad/s] and zeta by plant name."""
+        return {
+            name: {"K_L": plant.K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
+            for name, plant in self.simulation.plants.items()
+        }
