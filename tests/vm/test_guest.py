@@ -1,0 +1,97 @@
+"""Runs `tests/vm/guest` once, in a guest with real SocketCAN and systemd, and reports each of its tests.
+
+Not everyone can start the guest: it needs root and Debian's packages. Where it cannot run these tests are
+skipped; SEOD_REQUIRE_VM=1 makes that a failure, SEOD_SKIP_VM=1 leaves them out.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import pytest
+
+REPO = Path(__file__).parents[2]
+GUEST = Path(__file__).with_name("guest")
+REPORT = REPO / ".pytest_cache" / "guest.xml"
+LIMIT_S = 480
+
+pytestmark = [pytest.mark.vm, pytest.mark.timeout(LIMIT_S + 120)]
+
+
+class Result(NamedTuple):
+    """One test of the guest."""
+
+    name: str
+    outcome: str
+    """`passed`, `failed` or `skipped`."""
+    text: str
+
+
+def why_not() -> str:
+    """Why the guest cannot be started here, or ""."""
+    if os.environ.get("SEOD_SKIP_VM"):
+        return "SEOD_SKIP_VM is set"
+    if os.geteuid() != 0:
+        return "the guest needs root"
+    if shutil.which("apt-get") is None:
+        return "the guest's kernel is a Debian package, and there is no apt-get"
+    return ""
+
+
+def read_report(path: Path) -> dict[str, list[Result]]:
+    """The guest's results by file name without suffix."""
+    results: dict[str, list[Result]] = defaultdict(list)
+    for case in ET.parse(path).iter("testcase"):
+        problems = [e for e in case if e.tag in ("failure", "error", "skipped")]
+        outcome = "passed"
+        if problems:
+            outcome = "skipped" if all(e.tag == "skipped" for e in problems) else "failed"
+        text = "\n".join(f"{e.get('message') or ''}\n{e.text or ''}" for e in problems)
+        results[case.get("classname", "").split(".")[-1]].append(Result(case.get("name", ""), outcome, text))
+    return results
+
+
+@pytest.fixture(scope="session")
+def guest_report() -> dict[str, list[Result]]:
+    """All results of one run of the guest."""
+    reason = why_not()
+    if reason and os.environ.get("SEOD_REQUIRE_VM"):
+        pytest.fail(f"SEOD_REQUIRE_VM is set, but {reason}", pytrace=False)
+    if reason:
+        pytest.skip(reason)
+    REPORT.parent.mkdir(exist_ok=True)
+    REPORT.unlink(missing_ok=True)
+    tests = [sys.executable, "-m", "pytest", str(GUEST), f"--junitxml={REPORT}", "-p", "no:cacheprovider"]
+    run = subprocess.run(
+        [GUEST.with_name("canvm.sh"), "-s", REPO, "-t", str(LIMIT_S), "--", *tests],
+        cwd=REPO,
+        env=os.environ | {"SEOD_IN_GUEST": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    print(run.stdout)
+    if not REPORT.exists():
+        pytest.fail(f"the guest gave no results (exit code {run.returncode}):\n{run.stdout}", pytrace=False)
+    return read_report(REPORT)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in GUEST.glob("test_*.py")))
+def test_in_guest(name: str, guest_report: dict[str, list[Result]], subtests: pytest.Subtests) -> None:
+    """One file of the guest's tests; each of its tests is a subtest here."""
+    results = guest_report[name]
+    assert results, f"the guest ran no test of {name}.py"
+    for result in results:
+        with subtests.test(msg=result.name):
+            if result.outcome == "failed":
+                pytest.fail(result.text, pytrace=False)
+            if result.outcome == "skipped":
+                pytest.skip(result.text.strip())
