@@ -1,16 +1,17 @@
 """The shape of a rig file: strict pydantic models; every number in SI once it is read.
 
-Cross references (channels, sensors, dimensions, rates) are checked in `seod.config.check`, so that all
-mistakes of a file are told at once, each with its line.
+A model sees only its own section. What concerns several (references, dimensions, rates) is in the rules
+`wiring`, `numbers` and `access`, so that all mistakes of a file are told at once, each with its line.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from seod.config.units import parse_quantity, units_of
+from seod.config.errors import suggest
+from seod.config.units import UNITS, parse_quantity, units_of
 from sim.config import SimulationConfig
 
 CONFIG_VERSION = 1
@@ -24,6 +25,18 @@ def _quantity(*dimensions: str) -> Any:
     )
 
 
+def _known_unit(unit: str) -> str:
+    if unit not in UNITS:
+        raise ValueError(f"unknown unit {unit!r}; {suggest(unit, filter(None, UNITS), 'units')}")
+    return unit
+
+
+def _not_zero(scale: float) -> float:
+    if scale == 0:
+        raise ValueError("must not be 0: nothing would get through")
+    return scale
+
+
 _FINITE = Field(allow_inf_nan=False)
 _POSITIVE = Field(gt=0, allow_inf_nan=False)
 _NON_NEGATIVE = Field(ge=0, allow_inf_nan=False)
@@ -35,21 +48,26 @@ Position = Annotated[float, *_quantity("angle", "length"), _FINITE]
 PositivePosition = Annotated[float, *_quantity("angle", "length"), _POSITIVE]
 NonNegativePosition = Annotated[float, *_quantity("angle", "length"), _NON_NEGATIVE]
 PositiveSpeed = Annotated[float, *_quantity("angular speed", "speed"), _POSITIVE]
-Seconds = Annotated[float, *_quantity("time"), _POSITIVE]
-NonNegativeSeconds = Annotated[float, *_quantity("time"), _NON_NEGATIVE]
+Seconds = Annotated[float, *_quantity("time"), Field(gt=0, le=1e6)]
+NonNegativeSeconds = Annotated[float, *_quantity("time"), Field(ge=0, le=1e6)]
 Hertz = Annotated[float, *_quantity("frequency"), _POSITIVE]
+Scale = Annotated[float, _FINITE, AfterValidator(_not_zero)]
+Unit = Annotated[str, AfterValidator(_known_unit), WithJsonSchema({"enum": [unit for unit in UNITS if unit]})]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+"""What the user calls an axis, a sensor or an output: becomes a word in commands and column headers."""
 
 
 class Section(BaseModel):
     """A mapping of the rig file: unknown keys are errors, nothing is converted silently."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
 
 class LoopConfig(Section):
     """Timing of the loop."""
 
     rate_hz: Annotated[float, *_quantity("frequency"), Field(ge=100, le=10_000)] = 2000.0
+    """Ticks per second."""
     pace: Literal["timer", "sensor"] = "timer"
     """`timer`: a tick each period. `sensor`: a tick at each sample of the first axis' sensor."""
     priority: Annotated[int, Field(ge=1, le=98)] = 50
@@ -64,9 +82,11 @@ class SensorConfig(Section):
     """A channel made into a physical quantity: value = (raw * scale + offset) in `unit`."""
 
     channel: str
-    unit: str
+    """Input channel of the driver."""
+    unit: Unit
     """Unit of the scaled value; converted to SI inside."""
-    scale: Annotated[float, _FINITE] = 1.0
+    scale: Scale = 1.0
+    """`unit` per unit of the channel."""
     offset: Annotated[float, _FINITE] = 0.0
     """In `unit`."""
 
@@ -75,17 +95,20 @@ class OutputConfig(Section):
     """A command voltage made into a channel's number: raw = V * scale + offset."""
 
     channel: str
+    """Output channel of the driver."""
     unit: Literal["V", "mV"] = "V"
     """Unit in which `scale` takes the voltage."""
-    scale: Annotated[float, _FINITE] = 1.0
-    """Negative for an actuator wired the other way round."""
+    scale: Scale = 1.0
+    """Channel's number per `unit`; negative for an actuator wired the other way round."""
     offset: Annotated[float, _FINITE] = 0.0
+    """Channel's number at 0 V."""
 
 
 class RelayConfig(Section):
     """The relay of Fig. 2."""
 
     e_a: PositiveVoltage
+    """Amplitude of the relay."""
     hysteresis: NonNegativePosition = 0.0
     """Half-width: switches at e = +hysteresis and -hysteresis."""
     bias: Voltage = 0.0
@@ -96,12 +119,13 @@ class ExcitationConfig(Section):
     """When the relay is on."""
 
     kind: Literal["continuous", "burst"] = "continuous"
+    """On until stopped, or in bursts with pauses."""
     duration: Seconds = 0.5
     """Length of a burst (the paper's 0.05-0.8 s)."""
     pause: NonNegativeSeconds = 1.0
     """Time between bursts, spent holding the position."""
     entry: NonNegativeSeconds = 0.05
-    """The relay's amplitude rises from 0 to e_a in this time."""
+    """The relay's amplitude rises from 0 to e_a in this time, at the start of each burst."""
 
 
 class HoldConfig(Section):
@@ -121,6 +145,7 @@ class PolarityConfig(Section):
     """A small guarded pulse before the loop is closed: does a positive voltage move the sensor up?"""
 
     enabled: bool = True
+    """Only a rig that cannot be hurt should do without."""
     pulse: PositiveVoltage | None = None
     """Height; e_a where left out."""
     duration: Seconds = 0.05
@@ -133,11 +158,17 @@ class LimitsConfig(Section):
     """What must never be passed. Output and slew clip; the others fault."""
 
     output: PositiveVoltage
+    """Largest voltage, either way."""
     slew: Slew | None = None
+    """Fastest change of the voltage."""
     travel: tuple[Position, Position]
+    """Lowest and highest position."""
     speed: PositiveSpeed
+    """Highest speed, either way."""
     amplitude: PositivePosition
     """Half the peak-to-peak movement within one second of excitation."""
+    growth: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.0
+    """Largest growth of the limit cycle within one second, once it stands at its amplitude."""
     excitation: Seconds
     """Longest excitation from start to stop; then stopped, not faulted."""
 
@@ -146,7 +177,9 @@ class EstimatorConfig(Section):
     """How zeta and omega_n are made of the limit cycle."""
 
     method: Literal["peaks", "exact"] = "exact"
+    """`peaks`: the paper's procedure. `exact`: through the exact limit cycle, lag included."""
     cycles: Annotated[int, Field(ge=1, le=50)] = 4
+    """Cycles that must agree, and over which an estimate is averaged."""
     lowpass: Hertz | None = None
     """Cut-off of the low-pass of section 2.3(2), used by `peaks`."""
     delay: NonNegativeSeconds = 0.0
@@ -157,8 +190,11 @@ class AxisConfig(Section):
     """One actuator with its sensor, output, relay, estimator and limits."""
 
     mode: Literal["position"] = "position"
+    """What the relay controls (Fig. 2)."""
     sensor: str
+    """Name of its position sensor under `sensors`."""
     output: str
+    """Name of its output under `outputs`."""
     K_L: Annotated[float, _POSITIVE]
     """Gain [SI unit of the sensor per second and volt]."""
     relay: RelayConfig
@@ -175,7 +211,8 @@ class EstopConfig(Section):
     """An input channel that must have a value for anything to move."""
 
     channel: str
-    run: float = 1.0
+    """Input channel of the driver."""
+    run: Annotated[float, _FINITE] = 1.0
     """Value that allows movement; any other value, or silence, is an e-stop."""
 
 
@@ -183,7 +220,9 @@ class OverrunConfig(Section):
     """A burst of late ticks."""
 
     count: Annotated[int, Field(ge=1)] = 10
+    """So many late ticks"""
     window: Seconds = 0.1
+    """within this time are a fault."""
 
 
 class GuardConfig(Section):
@@ -193,6 +232,9 @@ class GuardConfig(Section):
     """Oldest sample that may be acted on."""
     frozen: Seconds = 0.25
     """A sensor that repeats one value for this long while the relay is on is frozen."""
+    rig_watchdog: Seconds | None = None
+    """The amplifier's own watchdog: it goes to neutral when commands stop for this long. The last line of defence,
+    when the whole computer dies; the daemon cannot measure it."""
     overruns: OverrunConfig = OverrunConfig()
     estop: EstopConfig | None = None
     dead_man: Seconds | None = None
@@ -203,31 +245,40 @@ class TlsConfig(Section):
     """Certificate and key in PEM files; relative to the rig file."""
 
     certificate: str
+    """Certificate chain, the server's own first."""
     key: str
+    """Private key, without a pass phrase."""
 
 
 class ServerConfig(Section):
     """The TCP server. Beyond loopback it needs TLS and tokens."""
 
-    host: str = "127.0.0.1"
+    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    """Address to listen on."""
     port: Annotated[int, Field(ge=0, le=65535)] = 7600
+    """TCP port; 0 takes a free one."""
     tls: TlsConfig | None = None
     read_token: Annotated[str, Field(min_length=16)] | None = None
+    """Who has it may read."""
     command_token: Annotated[str, Field(min_length=16)] | None = None
+    """Who has it may read and command."""
     max_clients: Annotated[int, Field(ge=1, le=1000)] = 100
+    """Connections at a time."""
 
 
 class RigConfig(Section):
     """A whole rig file."""
 
     version: Literal[1]
+    """Version of this file's form."""
     rig: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+    """Name of the rig; one daemon runs for each."""
     driver: dict[str, Any]
     """`kind` and that driver's own options (checked by the driver's model)."""
     loop: LoopConfig = LoopConfig()
-    sensors: dict[str, SensorConfig] = Field(min_length=1)
-    outputs: dict[str, OutputConfig] = Field(min_length=1)
-    axes: dict[str, AxisConfig] = Field(min_length=1)
+    sensors: dict[Name, SensorConfig] = Field(min_length=1)
+    outputs: dict[Name, OutputConfig] = Field(min_length=1)
+    axes: dict[Name, AxisConfig] = Field(min_length=1)
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
     simulation: SimulationConfig | None = None

@@ -37,24 +37,12 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z/]*)\s*$")
 
 
-class Quantity(float):
-    """A number in SI base units that remembers its dimension ("" for a plain number, taken as SI)."""
-
-    dimension: str
-
-    def __new__(cls, value: float, dimension: str = "") -> Quantity:
-        """Make a quantity from its SI value."""
-        self = super().__new__(cls, value)
-        self.dimension = dimension
-        return self
-
-
 def units_of(*dimensions: str) -> list[str]:
     """The units that have one of these dimensions."""
     return [unit for unit, (dimension, _) in UNITS.items() if dimension in dimensions]
 
 
-def parse_quantity(value: object, *dimensions: str) -> Quantity:
+def parse_quantity(value: object, *dimensions: str) -> float:
     """Turn `0.5`, `"0.5 V"` or `"30 deg"` into SI.
 
     Args:
@@ -66,14 +54,26 @@ def parse_quantity(value: object, *dimensions: str) -> Quantity:
     """
     right = ", ".join(units_of(*dimensions))
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError(f"expected a number or a number with a unit ({right})")
+        raise ValueError(f"must be a number or a number with a unit ({right})")
     if not isinstance(value, str):
-        return Quantity(float(value), getattr(value, "dimension", ""))
+        return _float(value)
     match = _QUANTITY.match(value)
-    if match is None:
-        raise ValueError(f"expected a number with a unit ({right}), got {value!r}")
+    if match is None or match[2] == "":
+        raise ValueError(f"must be a number, or a number with a unit ({right})")
     number, unit = match.groups()
     if unit not in UNITS or UNITS[unit][0] not in dimensions:
-        raise ValueError(f"wrong unit {unit!r}: expected one of {right}")
-    dimension, factor = UNITS[unit]
-    return Quantity(float(number) * factor, dimension)
+        raise ValueError(f"wrong unit {unit!r}: must be one of {right}")
+    return _float(number) * UNITS[unit][1]
+
+
+def dimension_of(value: object) -> str | None:
+    """The dimension that a raw value such as `"30 deg"` is written in; None for a plain number or no quantity."""
+    match = _QUANTITY.match(value) if isinstance(value, str) else None
+    return UNITS[match[2]][0] if match and match[2] in UNITS else None
+
+
+def _float(number: float | str) -> float:
+    try:
+        return float(number)
+    except OverflowError:  # an integer of more than 308 digits
+        return math.inf

@@ -1,0 +1,176 @@
+"""Rules about numbers that must fit each other: limits, relay, times against the loop's period."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from seod.config.model import (
+    EstimatorConfig,
+    ExcitationConfig,
+    GuardConfig,
+    HoldConfig,
+    LimitsConfig,
+    LoopConfig,
+    OutputConfig,
+    PolarityConfig,
+    RelayConfig,
+    SensorConfig,
+)
+from seod.config.units import UNITS, parse_quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from seod.config.draft import Draft
+    from seod.config.errors import ConfigError, KeyPath
+
+
+def check_numbers(draft: Draft) -> Iterator[ConfigError]:
+    """All numbers that do not fit each other."""
+    for axis in draft.names("axes"):
+        yield from _voltages(draft, axis)
+        yield from _movements(draft, axis)
+        yield from _excitation(draft, axis)
+        yield from _cutoffs(draft, axis)
+        yield from _output_range(draft, axis)
+        yield from _sensor_range(draft, axis)
+    yield from _guard_times(draft)
+    yield from _hang_timeout(draft)
+
+
+def _voltages(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Nothing that is asked for lies beyond limits.output."""
+    limits = draft.section(LimitsConfig, "axes", axis, "limits")
+    relay = draft.section(RelayConfig, "axes", axis, "relay")
+    hold = draft.section(HoldConfig, "axes", axis, "hold")
+    polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
+    if limits is None or relay is None:
+        return
+    most, bias = limits.output, abs(relay.bias)
+    if relay.e_a + bias > most:
+        message = f"e_a + |bias| = {relay.e_a + bias:g} V is above limits.output = {most:g} V"
+        yield draft.error(("axes", axis, "relay", "e_a"), message, f"e_a of at most {max(most - bias, 0):g} V")
+    if hold and hold.output and hold.output + bias > most:
+        message = f"with |bias| must be at most limits.output = {most:g} V"
+        yield draft.wrong(("axes", axis, "hold", "output"), message)
+    if polarity and polarity.pulse and polarity.pulse + bias > most:
+        message = f"with |bias| must be at most limits.output = {most:g} V"
+        yield draft.wrong(("axes", axis, "polarity", "pulse"), message)
+
+
+def _movements(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Each movement that is waited for fits into the one around it."""
+    limits = draft.section(LimitsConfig, "axes", axis, "limits")
+    relay = draft.section(RelayConfig, "axes", axis, "relay")
+    hold = draft.section(HoldConfig, "axes", axis, "hold")
+    polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
+    if limits is None:
+        return
+    low, high = limits.travel
+    if low >= high:
+        message = "the lower end must come first and lie below the upper end"
+        yield draft.wrong(("axes", axis, "limits", "travel"), message)
+    elif limits.amplitude > 0.5 * (high - low):
+        message = f"must be at most half of limits.travel, {0.5 * (high - low):g}: it could never be reached"
+        yield draft.wrong(("axes", axis, "limits", "amplitude"), message)
+    below = f"must be below limits.amplitude = {limits.amplitude:g}"
+    if relay and relay.hysteresis >= limits.amplitude:
+        yield draft.wrong(("axes", axis, "relay", "hysteresis"), below)
+    if polarity and polarity.movement >= limits.amplitude:
+        yield draft.wrong(("axes", axis, "polarity", "movement"), below)
+    if hold and hold.tolerance and hold.tolerance >= limits.amplitude:
+        yield draft.wrong(("axes", axis, "hold", "tolerance"), below)
+
+
+def _excitation(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """The excitation allowed has room for what is planned."""
+    limits = draft.section(LimitsConfig, "axes", axis, "limits")
+    plan = draft.section(ExcitationConfig, "axes", axis, "excitation")
+    if limits is None or plan is None:
+        return
+    path = ("axes", axis, "limits", "excitation")
+    if plan.kind == "burst" and limits.excitation <= plan.entry + plan.duration:
+        longest = f"{plan.entry:g} s + {plan.duration:g} s"
+        yield draft.wrong(path, f"must be longer than one burst (entry + duration = {longest})")
+    elif limits.excitation <= plan.entry:
+        yield draft.wrong(path, f"must be longer than excitation.entry = {plan.entry:g} s")
+
+
+def _cutoffs(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Low-passes lie below half the loop rate, where a sampled one still is one."""
+    loop = draft.section(LoopConfig, "loop")
+    if loop is None:
+        return
+    half = 0.5 * loop.rate_hz
+    estimator = draft.section(EstimatorConfig, "axes", axis, "estimator")
+    if estimator and estimator.lowpass and estimator.lowpass >= half:
+        message = f"must be below half the loop rate, {half:g} Hz"
+        yield draft.wrong(("axes", axis, "estimator", "lowpass"), message)
+    polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
+    if polarity and polarity.duration < 2 / loop.rate_hz:
+        message = f"must be at least two periods of the loop, {2 / loop.rate_hz:g} s"
+        yield draft.wrong(("axes", axis, "polarity", "duration"), message)
+    if _frequency(draft, ("axes", axis, "filter")) >= half:
+        yield draft.wrong(("axes", axis, "filter"), f"must be below half the loop rate, {half:g} Hz")
+
+
+def _frequency(draft: Draft, path: KeyPath) -> float:
+    try:
+        return parse_quantity(draft.raw(*path), "frequency")
+    except ValueError:  # absent, or told already
+        return 0.0
+
+
+def _output_range(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """The channel can carry every voltage up to limits.output."""
+    limits = draft.section(LimitsConfig, "axes", axis, "limits")
+    output = draft.section(OutputConfig, "outputs", draft.text("axes", axis, "output") or "")
+    channel = (draft.channels or {}).get(output.channel) if output else None
+    if limits is None or output is None or channel is None:
+        return
+    swing = abs(limits.output / UNITS[output.unit][1] * output.scale)
+    if output.offset - swing < channel.minimum or output.offset + swing > channel.maximum:
+        message = (
+            f"needs {output.offset - swing:g} to {output.offset + swing:g} of channel {channel.name!r}, which "
+            f"carries only {channel.minimum:g} to {channel.maximum:g}"
+        )
+        yield draft.error(("axes", axis, "limits", "output"), message, "a lower limit or another scale")
+
+
+def _sensor_range(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """The channel can carry every position within limits.travel: a limit beyond it would never be seen."""
+    limits = draft.section(LimitsConfig, "axes", axis, "limits")
+    sensor = draft.section(SensorConfig, "sensors", draft.text("axes", axis, "sensor") or "")
+    channel = (draft.channels or {}).get(sensor.channel) if sensor else None
+    if limits is None or sensor is None or channel is None:
+        return
+    ends = [sensor.scale * bound + sensor.offset for bound in (channel.minimum, channel.maximum)]
+    low, high = (end * UNITS[sensor.unit][1] for end in sorted(ends))
+    if not low <= limits.travel[0] < limits.travel[1] <= high and limits.travel[0] < limits.travel[1]:
+        message = f"channel {channel.name!r} reads only {low:g} to {high:g}: the limit would never be seen"
+        yield draft.wrong(("axes", axis, "limits", "travel"), message, "a narrower travel or another scale")
+
+
+def _guard_times(draft: Draft) -> Iterator[ConfigError]:
+    """What the guard waits for can happen at this loop rate."""
+    guard = draft.section(GuardConfig, "guard")
+    period = draft.period
+    if guard is None or period is None:
+        return
+    shortest = f"must be at least one period of the loop, {period:g} s"
+    for key in ("stale", "frozen", "rig_watchdog", "dead_man"):
+        value = getattr(guard, key)
+        if value is not None and value < period:
+            yield draft.wrong(("guard", key), shortest)
+    ticks = math.floor(guard.overruns.window / period * (1 + 1e-9))
+    if guard.overruns.count > ticks:
+        message = f"{ticks} ticks fit into guard.overruns.window: more overruns can never be counted"
+        yield draft.wrong(("guard", "overruns", "count"), message, f"at most {ticks}, or a longer window")
+
+
+def _hang_timeout(draft: Draft) -> Iterator[ConfigError]:
+    loop = draft.section(LoopConfig, "loop")
+    if loop and loop.hang_timeout * loop.rate_hz < 2:
+        message = f"must be at least two periods of the loop, {2 / loop.rate_hz:g} s"
+        yield draft.wrong(("loop", "hang_timeout"), message)

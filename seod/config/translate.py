@@ -1,0 +1,146 @@
+"""Pydantic's errors in plain language: what is wrong, what was written, what would be right."""
+
+from __future__ import annotations
+
+import json
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from seod.config.errors import KeyPath, suggest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pydantic.fields import FieldInfo
+    from pydantic_core import ErrorDetails
+
+SHOWN = 60
+"""Longest value quoted in a message."""
+
+_BOUNDS = {
+    "greater_than": "must be > {gt}",
+    "greater_than_equal": "must be >= {ge}",
+    "less_than": "must be < {lt}",
+    "less_than_equal": "must be <= {le}",
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text",
+    "literal_error": "must be {expected}",
+    "enum": "must be {expected}",
+    "string_pattern_mismatch": "must match {pattern}",
+    "string_too_short": "must have at least {min_length} characters",
+    "string_too_long": "must have at most {max_length} characters",
+    "too_short": "needs at least {min_length} entries",
+    "too_long": "has more than {max_length} entries",
+    "list_type": "must be a list",
+    "tuple_type": "must be a list",
+    "dict_type": "must be a mapping of keys to values",
+    "model_type": "must be a mapping of keys to values",
+    "model_attributes_type": "must be a mapping of keys to values",
+}
+"""Pydantic's error type -> what would be right, with pydantic's names for the numbers."""
+
+Report = tuple[KeyPath, str, str]
+"""Path, message, what would be right."""
+
+
+def translate(error: ValidationError, model: type[BaseModel], raw: Any) -> Iterator[Report]:
+    """Each mistake that pydantic found.
+
+    Args:
+        error: What validating `raw` raised.
+        model: The model that `raw` was validated against.
+        raw: The value as read from the file.
+    """
+    for detail in error.errors(include_url=False):
+        path = _real_path(detail["loc"], raw, detail["type"])
+        yield path, *_wording(detail, path, model, raw)
+
+
+def _wording(detail: ErrorDetails, path: KeyPath, model: type[BaseModel], raw: Any) -> tuple[str, str]:
+    kind = detail["type"]
+    if kind == "extra_forbidden":
+        known = fields_at(model, path[:-1])
+        return "unknown key", suggest(str(path[-1]), known, "keys here") if known else ""
+    if kind == "missing":
+        return "missing", _described(model, path)
+    if "[key]" in detail["loc"]:
+        return "cannot be used as a name", "letters, digits, _ and -, starting with a letter, at most 32"
+    context = detail.get("ctx", {})
+    value = at(raw, path)
+    if kind == "value_error":
+        return _with_value(str(context["error"]), value), ""
+    template = _BOUNDS.get(kind)
+    wording = template.format(**context) if template else detail["msg"][:1].lower() + detail["msg"][1:]
+    return f"{wording}, got {show(value)}", ""
+
+
+def _with_value(message: str, value: Any) -> str:
+    said = isinstance(value, dict | list) or "got" in message or str(value) in message
+    return message if said else f"{message}, got {show(value)}"
+
+
+def _described(model: type[BaseModel], path: KeyPath) -> str:
+    field = fields_at(model, path[:-1]).get(str(path[-1]))
+    what = field.description.split(". ")[0].rstrip(".") if field and field.description else ""
+    return f"add `{path[-1]}:`" + (f" ({what})" if what else "")
+
+
+def show(value: Any) -> str:
+    """A value as the user would write it, shortened."""
+    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+
+
+def at(raw: Any, path: KeyPath) -> Any:
+    """The value at a path; None where there is none."""
+    for part in path:
+        if not _has(raw, part):
+            return None
+        raw = raw[part]
+    return raw
+
+
+def _has(raw: Any, part: str | int) -> bool:
+    if isinstance(raw, dict):
+        return part in raw
+    return isinstance(raw, list) and isinstance(part, int) and 0 <= part < len(raw)
+
+
+def _real_path(location: tuple[str | int, ...], raw: Any, kind: str) -> KeyPath:
+    """The location without pydantic's own words in it (tags of unions, `[key]`)."""
+    path: list[str | int] = []
+    for part in location:
+        if _has(raw, part):
+            raw = raw[part]
+            path.append(part)
+    return (*path, location[-1]) if kind == "missing" else tuple(path)
+
+
+def fields_at(model: type[BaseModel], path: KeyPath) -> dict[str, FieldInfo]:
+    """The fields that a model knows at a path; empty where that cannot be told."""
+    annotation: Any = model
+    for part in path:
+        annotation = _step(annotation, part)
+    return {name: field for found in _models(annotation) for name, field in found.model_fields.items()}
+
+
+def _step(annotation: Any, part: str | int) -> Any:
+    for model in _models(annotation):
+        if part in model.model_fields:
+            return model.model_fields[str(part)].annotation
+    arguments = get_args(annotation)
+    return arguments[-1] if arguments and get_origin(annotation) in (dict, list, tuple) else None
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if get_origin(annotation) in (Union, UnionType, Annotated):
+        return [model for argument in get_args(annotation) for model in _models(argument)]
+    return []

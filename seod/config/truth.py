@@ -1,0 +1,27 @@
+"""What a simulated rig truly is, in the units of the axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seod.config.units import UNITS
+
+if TYPE_CHECKING:
+    from seod.config.model import RigConfig
+
+
+def truth(config: RigConfig) -> dict[str, dict[str, float]]:
+    """True K_L [axis unit/s/V], omega_n [rad/s] and zeta of each axis; empty for a real rig."""
+    if config.simulation is None:
+        return {}
+    plants = {plant.input: plant for plant in config.simulation.plants.values()}
+    answer = {}
+    for name, axis in config.axes.items():
+        sensor, output = config.sensors[axis.sensor], config.outputs[axis.output]
+        plant = plants.get(output.channel)
+        if plant is None:
+            continue
+        per_volt = output.scale / UNITS[output.unit][1]
+        K_L = plant.K_L * per_volt * sensor.scale * UNITS[sensor.unit][1]
+        answer[name] = {"K_L": K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
+    return answer

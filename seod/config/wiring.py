@@ -1,0 +1,166 @@
+"""Rules about what is connected to what: names, channels, units, and the simulated plants behind them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seod.config.errors import suggest
+from seod.config.model import LoopConfig, OutputConfig, SensorConfig
+from seod.config.units import UNITS, dimension_of, units_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from seod.config.draft import Draft
+    from seod.config.errors import ConfigError, KeyPath
+
+POSITIONS = ("angle", "length")
+RATES = {"angle": "angular speed", "length": "speed"}
+
+POSITION_KEYS: tuple[KeyPath, ...] = (
+    ("relay", "hysteresis"),
+    ("limits", "travel", 0),
+    ("limits", "travel", 1),
+    ("limits", "amplitude"),
+    ("hold", "tolerance"),
+    ("polarity", "movement"),
+)
+"""Quantities of an axis that are positions of its sensor."""
+
+
+def check_wiring(draft: Draft) -> Iterator[ConfigError]:
+    """All mistakes in what is connected to what."""
+    yield from _channels(draft)
+    yield from _channel_units(draft)
+    for axis in draft.names("axes"):
+        yield from _references(draft, axis)
+        yield from _dimensions(draft, axis)
+        yield from _plant(draft, axis)
+    yield from _shared_outputs(draft)
+    yield from _simulated_channels(draft)
+    yield from _pace(draft)
+
+
+def _references(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    for key, section in (("sensor", "sensors"), ("output", "outputs")):
+        name = draft.text("axes", axis, key)
+        if name is not None and name not in draft.names(section):
+            message = f"there is no {name!r} under {section}"
+            yield draft.error(("axes", axis, key), message, suggest(name, draft.names(section), section))
+
+
+def _channels(draft: Draft) -> Iterator[ConfigError]:
+    """Every channel that is named exists and goes the right way."""
+    for sensor in draft.names("sensors"):
+        yield from _channel(draft, ("sensors", sensor, "channel"), "input")
+    for output in draft.names("outputs"):
+        yield from _channel(draft, ("outputs", output, "channel"), "output")
+    yield from _channel(draft, ("guard", "estop", "channel"), "input")
+
+
+def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigError]:
+    name = draft.text(*path)
+    if name is None or draft.channels is None:
+        return
+    found = draft.channels.get(name)
+    there = [channel.name for channel in draft.channels.values() if channel.direction == direction]
+    if found is None:
+        message = f"the driver has no channel {name!r}"
+        yield draft.error(path, message, suggest(name, there, f"{direction} channels"))
+    elif found.direction != direction:
+        message = f"{name!r} is an {found.direction} of the driver; an {direction} is needed here"
+        yield draft.error(path, message, suggest("", there, f"{direction} channels"))
+
+
+def _channel_units(draft: Draft) -> Iterator[ConfigError]:
+    """With scale 1 nothing is converted: the unit must be the channel's, where that is known."""
+    sections = (("sensors", SensorConfig), ("outputs", OutputConfig))
+    for section, model in sections:
+        for name in draft.names(section):
+            config = draft.section(model, section, name)
+            channel = (draft.channels or {}).get(config.channel) if config else None
+            if not isinstance(config, SensorConfig | OutputConfig) or channel is None or config.scale != 1:
+                continue
+            if channel.unit in UNITS and channel.unit not in ("", config.unit):
+                message = f"channel {channel.name!r} is in {channel.unit}, and scale 1 leaves it so"
+                right = f"`unit: {channel.unit}`, or a scale that makes {config.unit} of it"
+                yield draft.wrong((section, name, "unit"), message, right)
+
+
+def sensor_dimension(draft: Draft, axis: str) -> str | None:
+    """Dimension of an axis' sensor; None if it has no valid one."""
+    unit = draft.text("sensors", draft.text("axes", axis, "sensor") or "", "unit")
+    return UNITS[unit][0] if unit in UNITS else None
+
+
+def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Lengths for a sensor of lengths, angles for one of angles; plain numbers are SI and fit both."""
+    sensor = draft.text("axes", axis, "sensor")
+    dimension = sensor_dimension(draft, axis)
+    if dimension is None:
+        return
+    if dimension not in POSITIONS:
+        right = f"a sensor in one of {', '.join(units_of(*POSITIONS))}"
+        message = f"sensor {sensor!r} gives a {dimension}; position control needs a position"
+        yield draft.error(("axes", axis, "sensor"), message, right)
+        return
+    wanted = [(key, dimension) for key in POSITION_KEYS] + [(("limits", "speed"), RATES[dimension])]
+    for key, right in wanted:
+        path = ("axes", axis, *key)
+        written = dimension_of(draft.raw(*path))
+        if written in (*POSITIONS, *RATES.values()) and written != right:
+            message = f"the sensor {sensor!r} measures a {dimension}, so this must be in {', '.join(units_of(right))}"
+            yield draft.wrong(path, message)
+
+
+def _shared_outputs(draft: Draft) -> Iterator[ConfigError]:
+    """Each output channel belongs to one axis."""
+    user: dict[str, str] = {}
+    for axis in draft.names("axes"):
+        output = draft.text("axes", axis, "output") or ""
+        channel = draft.text("outputs", output, "channel")
+        if channel is None:
+            continue
+        if channel in user:
+            message = f"channel {channel!r} is already driven by axis {user[channel]!r}"
+            yield draft.error(("axes", axis, "output"), message, "an output of its own for each axis")
+        user.setdefault(channel, axis)
+
+
+def _plant(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """On a simulated rig an axis' output moves its own sensor."""
+    simulation = draft.simulation
+    driven = draft.text("outputs", draft.text("axes", axis, "output") or "", "channel")
+    measured = draft.text("sensors", draft.text("axes", axis, "sensor") or "", "channel")
+    if simulation is None or driven is None or measured is None:
+        return
+    moved = {plant.input: plant.output for plant in simulation.plants.values()}
+    if driven not in moved:
+        right = f"a plant under simulation.plants with `input: {driven}` and `output: {measured}`"
+        yield draft.error(("axes", axis, "output"), f"no simulated plant is moved by channel {driven!r}", right)
+    elif moved[driven] != measured:
+        message = f"channel {driven!r} moves the plant behind {moved[driven]!r}, not {measured!r}"
+        yield draft.error(("axes", axis, "sensor"), message, f"a sensor with `channel: {moved[driven]}`")
+
+
+def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
+    """The simulated rig sits at the other end of channels that the driver has."""
+    simulation = draft.simulation
+    if simulation is None:
+        return
+    for name in simulation.plants:
+        yield from _channel(draft, ("simulation", "plants", name, "input"), "output")
+        yield from _channel(draft, ("simulation", "plants", name, "output"), "input")
+    inputs = [c.name for c in (draft.channels or {}).values() if c.direction == "input"]
+    for name in simulation.constants:
+        if draft.channels is not None and name not in inputs:
+            message = f"the driver has no input channel {name!r}"
+            yield draft.error(("simulation", "constants", name), message, suggest(name, inputs, "input channels"))
+
+
+def _pace(draft: Draft) -> Iterator[ConfigError]:
+    loop = draft.section(LoopConfig, "loop")
+    if loop and loop.pace == "sensor" and draft.driver and not draft.driver.push:
+        kind = draft.text("driver", "kind")
+        message = f"a sensor cannot pace the loop: driver {kind!r} has to be asked for samples"
+        yield draft.error(("loop", "pace"), message, "pace: timer")
