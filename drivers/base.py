@@ -94,8 +94,16 @@ class Driver(ABC):
         """All channels that these options offer, without opening anything (`seod check` uses it)."""
 
     @abstractmethod
-    def open(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    def open(
+        self, inputs: Sequence[str], outputs: Sequence[str], neutral: Sequence[float] | None = None
+    ) -> None:
         """Take the connection for these channels; `read` and `write` keep their order.
+
+        Args:
+            inputs: Names of the channels to read.
+            outputs: Names of the channels to write.
+            neutral: Each output's neutral value in the channel's unit; 0 where left out (a unipolar
+                amplifier or a 4-20 mA valve stands still at another number).
 
         Raises:
             DriverError: The connection cannot be had, or a channel is unknown.

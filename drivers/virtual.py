@@ -71,7 +71,9 @@ class VirtualDriver(Driver):
             *(Channel(name, "input") for name in simulation.constants),
         )
 
-    def open(self, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    def open(
+        self, inputs: Sequence[str], outputs: Sequence[str], neutral: Sequence[float] | None = None
+    ) -> None:
         """Build the rig, standing still."""
         if self.rig is not None:
             raise DriverStateError("the virtual rig is open already: close it first")
@@ -84,7 +86,7 @@ class VirtualDriver(Driver):
         self.rig = SimulatedRig(self.simulation, self.clock())
         self._sensors = [self.rig.sensor(name) for name in inputs]
         self._amplifiers = [self.rig.amplifier(name) for name in outputs]
-        self._neutral = [NEUTRAL] * len(outputs)
+        self._neutral = [NEUTRAL] * len(outputs) if neutral is None else list(neutral)
 
     def start(self) -> None:
         """Let samples arrive, the first one sensor period from now."""

@@ -1,11 +1,12 @@
 """Controllers of one axis: each takes the time and the error e = reference - y, and returns a voltage.
 
-The relay is a controller like the others, so that it is swapped in and out without a special case. None of them
-reads a clock, and none of them decides what reaches the actuator: that is the guard's.
+The relay is a controller like the others, so that it is swapped in and out without a special case. None of
+them reads a clock, and none of them decides what reaches the actuator: that is the guard's.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -98,38 +99,36 @@ class PolarityPulse:
         self.duration = duration
         self.movement = movement
         self.bias = bias
-        self.e_before: float | None = None
-        self.e_pulse: float | None = None
+        self.e_before = math.nan
+        self.e_pulse = math.nan
         self.result: PolarityResult | None = None
 
     def step(self, t: float, e: float) -> float:
         """Bias alone, then the pulse, then bias alone for good."""
-        if self.e_before is None:
+        if math.isnan(self.e_before):
             self.e_before = e
         pulsing = t - self.start - self.duration
         if pulsing < 0.0 or self.result is not None:
             return self.bias
-        if self.e_pulse is None:
+        if math.isnan(self.e_pulse):
             self.e_pulse = e
-        self._judge(pulsing, e)
-        return self.bias if self.result is not None else self.bias + self.voltage
+        self.result = self._judge(pulsing, e)
+        return self.bias + (self.voltage if self.result is None else 0.0)
 
-    def _judge(self, pulsing: float, e: float) -> None:
-        assert self.e_before is not None  # noqa: S101 - set in the same step
-        assert self.e_pulse is not None  # noqa: S101 - likewise
+    def _judge(self, pulsing: float, e: float) -> PolarityResult | None:
         drift = (self.e_before - self.e_pulse) / self.duration
         moved = self.e_pulse - e - drift * pulsing
         what = f"{self.voltage:+.3g} V for {pulsing * 1e3:.0f} ms moved the sensor by {moved:+.3g}"
         if moved >= self.movement:
-            self.result = PolarityResult(True, moved, what)
-        elif moved <= -self.movement:
-            self.result = PolarityResult(
-                False, moved, f"wrong sign: {what}; turn the sign of the sensor's or the output's scale"
-            )
-        elif pulsing >= self.duration:
-            self.result = PolarityResult(
-                False,
-                moved,
-                f"no movement: {what}, less than polarity.movement = {self.movement:.3g}; is the "
-                "pressure on and the valve connected, or should the pulse be higher or longer?",
-            )
+            return PolarityResult(True, moved, what)
+        if moved <= -self.movement:
+            advice = "turn the sign of the sensor's or the output's scale"
+            return PolarityResult(False, moved, f"wrong sign: {what}; {advice}")
+        if pulsing < self.duration:
+            return None
+        return PolarityResult(
+            False,
+            moved,
+            f"no movement: {what}, less than polarity.movement = {self.movement:.3g}; is the pressure on "
+            "and the valve connected, or should the pulse be higher or longer?",
+        )

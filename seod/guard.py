@@ -1,7 +1,7 @@
 """The guard alone decides what reaches an actuator. Pure: time and values in, verdicts out.
 
-Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives every axis
-of the rig to neutral in the same tick and latches. Output and slew limits clip instead.
+Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives every
+axis of the rig to neutral in the same tick and latches. Output and slew limits clip instead.
 """
 
 from __future__ import annotations
@@ -60,10 +60,8 @@ class SwingMeter:
             self.blocks.append((self.low, self.high))
             self.block_end = t + self.BLOCK_S
             self.low = self.high = y
-        elif y < self.low:
-            self.low = y
-        if y > self.high:
-            self.high = y
+        self.low = min(self.low, y)
+        self.high = max(self.high, y)
         low = min((block[0] for block in self.blocks), default=self.low)
         high = max((block[1] for block in self.blocks), default=self.high)
         return 0.5 * (max(high, self.high) - min(low, self.low))
@@ -140,7 +138,8 @@ class AxisGuard:
         heard = f"{age * 1e3:.1f} ms old" if math.isfinite(age) else "never heard of"
         return Trip(
             "stale_sample",
-            f"{self.name}: the sensor's newest sample is {heard}; guard.stale is {self.guard.stale * 1e3:.1f} ms",
+            f"{self.name}: the sensor's newest sample is {heard}; guard.stale is "
+            f"{self.guard.stale * 1e3:.1f} ms",
             {"age_s": age if math.isfinite(age) else -1.0, "limit_s": self.guard.stale},
         )
 

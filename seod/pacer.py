@@ -26,7 +26,7 @@ class Pacer(Protocol):
 
 
 class TimerPacer:
-    """Free-running: absolute deadlines, one a period; deadlines missed while late are left out, not made up."""
+    """Free-running: absolute deadlines, one a period; deadlines missed while late are skipped."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -51,7 +51,7 @@ class TimerPacer:
 
 
 class SensorPacer:
-    """A tick at each sample of the first input; without one, a tick after two periods, so that the guard sees it."""
+    """A tick at each sample of the first input; without one after two periods, so that the guard sees it."""
 
     def __init__(self, driver: Driver, period: float) -> None:
         self.driver = driver

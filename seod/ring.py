@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HISTOGRAM_BINS = 64
 COUNTERS = 64
-MESSAGE_BYTES = 1024
+MESSAGE_BYTES = 4096
 MESSAGE_SLOTS = 256
 
 
@@ -203,7 +203,14 @@ class Shared:
         """Unmap and close."""
         for ring in (self.row_ring, self.events, self.commands):
             ring.release()
-        for view in (self.words, self.floats, self.lateness, self.execution, self.counters, *self._views[::-1]):
+        for view in (
+            self.words,
+            self.floats,
+            self.lateness,
+            self.execution,
+            self.counters,
+            *self._views[::-1],
+        ):
             view.release()
         self.map.close()
         os.close(self.fd)

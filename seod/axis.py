@@ -1,0 +1,274 @@
+"""One axis: from its sensor's sample to a voltage, through the states idle, armed, exciting and holding.
+
+start -> armed (polarity pulse, back to the start position) -> exciting (relay, entered by a ramp) -> holding
+(back to the start position; also the pause between bursts) -> idle. A fault can come from any state.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from drivers.base import NO_SAMPLE, Sample
+from seod.config.units import UNITS
+from seod.excite import Controller, PolarityPulse, PositionHold, Relay
+from seod.guard import AxisGuard, Trip
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, AxisState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from seod.config.model import AxisConfig, RigConfig
+
+ACTIVE = frozenset({AxisState.ARMED, AxisState.EXCITING, AxisState.HOLDING})
+SETTLED_S = 0.05
+"""The hold is over once the position has stayed within the tolerance for this long."""
+GROWTH_AFTER_S = 1.0
+"""Growth means something once the relay has been at its amplitude for this long."""
+
+
+class Axis:
+    """State, controller and guard of one axis.
+
+    Args:
+        name: Name in the rig file.
+        rig: The rig file.
+        emit: Takes events (JSON-able mappings) for the clients.
+    """
+
+    def __init__(self, name: str, rig: RigConfig, emit: Callable[[dict[str, Any]], None]) -> None:
+        config = rig.axes[name]
+        sensor, output = rig.sensors[config.sensor], rig.outputs[config.output]
+        self.name = name
+        self.config: AxisConfig = config
+        self.emit = emit
+        self.guard = AxisGuard(name, config.limits, rig.guard)
+        factor = UNITS[sensor.unit][1]
+        self.scale, self.offset = sensor.scale * factor, sensor.offset * factor
+        self.raw_per_volt, self.raw_neutral = output.scale / UNITS[output.unit][1], output.offset
+        self.smoothing = (
+            1.0
+            if config.filter is None
+            else 1.0 - math.exp(-2.0 * math.pi * config.filter / rig.loop.rate_hz)
+        )
+        self.e_a, self.bias = config.relay.e_a, config.relay.bias
+        self.hysteresis = config.relay.hysteresis
+        self.state = AxisState.IDLE
+        self.controller: Controller = self._hold()
+        self.sample: Sample = NO_SAMPLE
+        self.fresh = False
+        self.y = self.filtered = math.nan
+        self.reference = 0.0
+        self.polarity_known = not config.polarity.enabled
+        self.started = self.entered = self.settled_since = -math.inf
+        self.stopping = False
+        self.trip: Trip | None = None
+
+    @property
+    def active(self) -> bool:
+        """The actuator may move."""
+        return self.state in ACTIVE
+
+    @property
+    def error(self) -> float:
+        """The relay's input e = reference - filtered position [axis unit]."""
+        return self.reference - self.filtered
+
+    def sense(self, sample: Sample) -> None:
+        """Take the newest sample: scale to SI, low-pass of section 2.3(2)."""
+        self.fresh = sample.t != self.sample.t
+        self.sample = sample
+        if not self.fresh:
+            return
+        self.y = sample.value * self.scale + self.offset
+        if math.isfinite(self.filtered):
+            self.filtered += self.smoothing * (self.y - self.filtered)
+        else:
+            self.filtered = self.y
+
+    def inspect(self, t: float) -> Trip | None:
+        """The guard's verdict on the newest sample, while the axis may move."""
+        exciting = self.state is AxisState.EXCITING
+        at_amplitude = t - self.entered - self.config.excitation.entry > GROWTH_AFTER_S
+        return self.guard.inspect(t, self.sample, self.y, exciting, exciting and at_amplitude)
+
+    def start(self, t: float) -> str | None:
+        """Begin; returns why not."""
+        if self.state is AxisState.FAULT:
+            return f"{self.name} is in fault: reset first"
+        if self.active:
+            return f"{self.name} is {self.state.name.lower()} already"
+        trip = self.guard.ready(t, self.sample, self.y)
+        if trip is not None:
+            return trip.why
+        self.filtered = self.y
+        self.reference = self.y
+        self.started, self.stopping, self.trip = t, False, None
+        self._become(AxisState.ARMED, t, "start")
+        if self.polarity_known:
+            self._excite(t)
+        else:
+            pulse = self.config.polarity
+            self.controller = PolarityPulse(
+                t, pulse.pulse or self.e_a, pulse.duration, pulse.movement, self.bias
+            )
+        return None
+
+    def stop(self, t: float, why: str = "stop") -> None:
+        """End the excitation and go back to where the axis stood at start."""
+        self.stopping = True
+        if self.state in (AxisState.ARMED, AxisState.EXCITING):
+            self._return(t, why)
+
+    def fault(self, t: float, trip: Trip) -> None:
+        """Latch. The loop writes neutral in the same tick."""
+        self.guard.neutral(t)
+        self.polarity_known = not self.config.polarity.enabled
+        if self.state is not AxisState.FAULT:
+            self._become(AxisState.FAULT, t, trip.why)
+
+    def reset(self, t: float) -> None:
+        """Leave the fault."""
+        if self.state is AxisState.FAULT:
+            self.trip = None
+            self._become(AxisState.IDLE, t, "reset")
+
+    def change(self, values: dict[str, float]) -> str | None:
+        """Set e_a, hysteresis, bias; takes effect at once and without a jump. Returns why not."""
+        e_a = values.get("e_a", self.e_a)
+        bias = values.get("bias", self.bias)
+        hysteresis = values.get("hysteresis", self.hysteresis)
+        limits = self.config.limits
+        unknown = sorted(values.keys() - {"e_a", "bias", "hysteresis"})
+        if unknown:
+            return f"{self.name}: cannot set {', '.join(unknown)}"
+        if not all(map(math.isfinite, (e_a, bias, hysteresis))):
+            return f"{self.name}: values must be finite"
+        if e_a <= 0.0 or e_a + abs(bias) > limits.output:
+            return (
+                f"{self.name}: e_a must be > 0 and e_a + |bias| at most limits.output = {limits.output:g} V"
+            )
+        if not 0.0 <= hysteresis < limits.amplitude:
+            return f"{self.name}: hysteresis must be >= 0 and below limits.amplitude = {limits.amplitude:g}"
+        self.e_a, self.bias, self.hysteresis = e_a, bias, hysteresis
+        if isinstance(self.controller, Relay):
+            self.controller.e_a, self.controller.bias = e_a, bias
+            self.controller.hysteresis = hysteresis
+        return None
+
+    def command(self, t: float) -> float:
+        """The voltage asked for at `t` [V], before the guard; moves the state on for the next tick."""
+        if not self.active:
+            return 0.0
+        u = self.controller.step(t, self.error)
+        if not math.isfinite(u):
+            self.trip = Trip("non_finite", f"{self.name}: the controller asked for {u} V")
+            return 0.0
+        self._advance(t)
+        return u
+
+    def flags(self, t: float, asked: float, passed: float) -> int:
+        """Flags of this tick's row."""
+        exciting = self.state is AxisState.EXCITING and t - self.entered >= self.config.excitation.entry
+        return FLAG_EXCITING * exciting + FLAG_FRESH * self.fresh + FLAG_LIMITED * (asked != passed)
+
+    def amplitude(self, t: float) -> float:
+        """Relay amplitude in force at `t` [V]; 0 while it is off."""
+        return self.controller.amplitude(t) if isinstance(self.controller, Relay) and self.active else 0.0
+
+    def _advance(self, t: float) -> None:
+        if self.state is AxisState.ARMED:
+            self._advance_armed(t)
+        elif self.state is AxisState.EXCITING:
+            self._advance_exciting(t)
+        elif self.state is AxisState.HOLDING:
+            self._advance_holding(t)
+
+    def _advance_armed(self, t: float) -> None:
+        if isinstance(self.controller, PolarityPulse):
+            result = self.controller.result
+            if result is None:
+                return
+            self.emit(
+                {
+                    "event": "polarity",
+                    "t": t,
+                    "axis": self.name,
+                    "ok": result.ok,
+                    "movement": result.movement,
+                    "voltage": self.controller.voltage,
+                    "why": result.why,
+                }
+            )
+            if not result.ok:
+                self.trip = Trip("polarity", f"{self.name}: {result.why}", {"movement": result.movement})
+                return
+            self.polarity_known = True
+            self._begin_hold(t)
+        elif self._hold_is_over(t):
+            self._excite(t)
+
+    def _advance_exciting(self, t: float) -> None:
+        plan, limits = self.config.excitation, self.config.limits
+        if t - self.started > limits.excitation:
+            self.emit(
+                {
+                    "event": "warning",
+                    "t": t,
+                    "axis": self.name,
+                    "code": "excitation_budget",
+                    "why": f"{self.name}: stopped after limits.excitation = {limits.excitation:g} s",
+                }
+            )
+            self.stop(t, "excitation budget used up")
+        elif plan.kind == "burst" and t - self.entered >= plan.entry + plan.duration:
+            self._return(t, "burst over")
+
+    def _advance_holding(self, t: float) -> None:
+        plan = self.config.excitation
+        over = self._hold_is_over(t)
+        if self.stopping or plan.kind == "continuous":
+            if over:
+                self._become(AxisState.IDLE, t, "back at the start position")
+        elif over and t - self.entered >= plan.pause:
+            self._excite(t)
+
+    def _excite(self, t: float) -> None:
+        entry = self.config.excitation.entry
+        self.controller = Relay(t, entry, self.e_a, self.hysteresis, self.bias)
+        self.entered = t
+        self._become(AxisState.EXCITING, t, "relay on")
+
+    def _return(self, t: float, why: str) -> None:
+        self._begin_hold(t)
+        self._become(AxisState.HOLDING, t, why)
+
+    def _begin_hold(self, t: float) -> None:
+        self.controller = self._hold()
+        self.entered = t
+        self.settled_since = math.inf
+
+    def _hold(self) -> PositionHold:
+        hold = self.config.hold
+        return PositionHold(hold.bandwidth / self.config.K_L, hold.output or self.e_a, self.bias)
+
+    def _hold_is_over(self, t: float) -> bool:
+        hold = self.config.hold
+        if abs(self.error) > (hold.tolerance or 0.1 * self.config.limits.amplitude):
+            self.settled_since = math.inf
+        elif self.settled_since == math.inf:
+            self.settled_since = t
+        return t - self.settled_since >= SETTLED_S or t - self.entered >= hold.timeout
+
+    def _become(self, state: AxisState, t: float, why: str) -> None:
+        previous, self.state = self.state, state
+        self.emit(
+            {
+                "event": "state",
+                "t": t,
+                "axis": self.name,
+                "state": state.name.lower(),
+                "previous": previous.name.lower(),
+                "why": why,
+            }
+        )

@@ -1,0 +1,271 @@
+"""The loop process: one tick after another, in real time. Everything slow is in the gateway process.
+
+`Loop.tick` is the whole of it, in order; time is passed in, only the pacer reads a clock.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, Any
+
+from seod import guard
+from seod.axis import Axis
+from seod.guard import Trip
+from seod.ring import HISTOGRAM_BINS, Word
+from seod.rowlog import RowLog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.base import Driver, Sample
+    from seod.config.model import RigConfig
+    from seod.pacer import Pacer
+    from seod.ring import Shared
+
+COUNTERS_EVERY = 50
+"""Ticks between copies of the driver's counters into the shared memory."""
+FENCED = 3
+"""Exit code of a loop that found itself fenced."""
+
+
+class Loop:
+    """Driver, axes and guard, ticking.
+
+    Args:
+        config: The rig file.
+        driver: Opened and started.
+        shared: Where rows and events go.
+        pacer: Says when to tick.
+        generation: Number of this loop process; it may write only while it is above the fence.
+        on_fence: What to do when fenced; must not return.
+    """
+
+    def __init__(
+        self,
+        config: RigConfig,
+        driver: Driver,
+        shared: Shared,
+        pacer: Pacer,
+        generation: int,
+        on_fence: Callable[[], None] = lambda: os._exit(FENCED),
+    ) -> None:
+        self.config = config
+        self.driver = driver
+        self.shared = shared
+        self.pacer = pacer
+        self.generation = generation
+        self.on_fence = on_fence
+        self.period = 1.0 / config.loop.rate_hz
+        self.axes = [Axis(name, config, shared.events.put) for name in config.axes]
+        channels = input_channels(config)
+        self.sensor_of = [channels.index(config.sensors[a.config.sensor].channel) for a in self.axes]
+        estop = config.guard.estop
+        self.estop_index = None if estop is None else channels.index(estop.channel)
+        self.overruns = guard.OverrunGuard(config.guard.overruns.count, config.guard.overruns.window)
+        self.keepalive = -math.inf
+        self.pending: Trip | None = None
+        self.fault_noted = False
+        self.trouble = ""
+        self.samples: Sequence[Sample] = ()
+        self.log = RowLog(shared, self.axes)
+        self.ending = False
+        shared.commands.skip_to_head()
+        shared.words[Word.GENERATION] = generation
+
+    def run(self) -> None:
+        """Tick until told to end; neutral at the end, whatever ended it."""
+        try:
+            while not self.ending:
+                t = self.pacer.next()
+                self.tick(t)
+                self.account(t)
+        except Exception as error:
+            self.fault(
+                self.pacer.now(), Trip("exception", f"the loop failed: {type(error).__name__}: {error}")
+            )
+            raise
+        finally:
+            self.finish()
+
+    def tick(self, t: float) -> None:
+        """Read, sense, obey, guard, command, guard, write, log: at time `t` [s]."""
+        self.samples = self.driver.read(t)
+        self.log.flush(self.driver.left())
+        for axis, index in zip(self.axes, self.sensor_of, strict=True):
+            axis.sense(self.samples[index])
+        self.obey(t)
+        trip = self.inspect(t)
+        asked = [0.0 if trip else axis.command(t) for axis in self.axes]
+        trip = trip or next((axis.trip for axis in self.axes if axis.trip and axis.active), None)
+        if trip is not None:
+            self.fault(t, trip)
+        left, volts = self.write(t, asked)
+        self.log.keep(t, left, asked, volts)
+
+    def inspect(self, t: float) -> Trip | None:
+        """The guard's verdict before anything is commanded."""
+        trip, self.pending = self.pending, None
+        late = self.overruns.inspect(t, self.pacer.lateness, self.period)
+        self.note_trouble(t)
+        if trip is not None or not any(axis.active for axis in self.axes):
+            return trip
+        return (
+            guard.hung(self.pacer.lateness, self.config.loop.hang_timeout)
+            or (Trip("link", f"the rig cannot be reached: {self.trouble}") if self.trouble else None)
+            or self.estop(t)
+            or late
+            or guard.dead_man(self.config.guard.dead_man, t, self.keepalive)
+            or next((trip for axis in self.axes if axis.active and (trip := axis.inspect(t))), None)
+        )
+
+    def write(self, t: float, asked: list[float]) -> tuple[float, list[float]]:
+        """Send what the guard passes, or neutral where nothing may move; when it left [s], and the volts."""
+        if self.shared.words[Word.FENCE] >= self.generation:
+            self.on_fence()
+        if not any(axis.active for axis in self.axes):
+            return self.driver.neutral(t), [0.0] * len(self.axes)
+        volts = [axis.guard.pass_command(t, u) for axis, u in zip(self.axes, asked, strict=True)]
+        raw = [axis.raw_neutral + axis.raw_per_volt * u for axis, u in zip(self.axes, volts, strict=True)]
+        return self.driver.write(t, raw), volts
+
+    def obey(self, t: float) -> None:
+        """Carry out the commands that came through the mailbox, and answer each."""
+        for message in self.shared.commands.take():
+            error = self.carry_out(t, message)
+            self.shared.events.put(
+                {"event": "reply", "id": message["id"], "ok": error is None, "error": error}
+            )
+
+    def carry_out(self, t: float, message: dict[str, Any]) -> str | None:
+        """One command; returns why it was not done."""
+        chosen = self.axes if message["axis"] is None else [self.axes[message["axis"]]]
+        op = message["op"]
+        if op == "keepalive":
+            self.keepalive = t
+        elif op == "estop":
+            self.pending = Trip("estop", "e-stop by a client")
+        elif op == "start":
+            return self.start(t, chosen)
+        elif op == "stop":
+            for axis in chosen:
+                axis.stop(t)
+        elif op == "reset":
+            self.reset(t)
+        elif op == "set":
+            return self.change(t, chosen, message["values"])
+        else:
+            return f"unknown command {op!r}"
+        return None
+
+    def start(self, t: float, chosen: list[Axis]) -> str | None:
+        """Start axes, all or none; returns why not."""
+        estop = self.estop(t)
+        if self.trouble or estop is not None:
+            return self.trouble or (estop.why if estop else None)
+        self.keepalive = t
+        started: list[Axis] = []
+        for axis in chosen:
+            error = axis.start(t)
+            if error is not None:
+                for other in started:
+                    other.stop(t, "another axis could not start")
+                return error
+            started.append(axis)
+        return None
+
+    def reset(self, t: float) -> None:
+        """Leave the fault on all axes."""
+        self.fault_noted = False
+        for axis in self.axes:
+            axis.reset(t)
+
+    def change(self, t: float, chosen: list[Axis], values: dict[str, float]) -> str | None:
+        """Set values on axes; returns why not."""
+        for axis in chosen:
+            error = axis.change(values)
+            if error is not None:
+                return error
+            self.shared.events.put({"event": "changed", "t": t, "axis": axis.name, "values": values})
+        return None
+
+    def fault(self, t: float, trip: Trip) -> None:
+        """Latch every axis; the first reason is the one told."""
+        if not self.fault_noted:
+            self.fault_noted = True
+            axis = next((a.name for a in self.axes if trip.why.startswith(a.name + ":")), None)
+            self.shared.events.put(
+                {
+                    "event": "fault",
+                    "t": t,
+                    "axis": axis,
+                    "code": trip.code,
+                    "why": trip.why,
+                    "numbers": {k: v for k, v in trip.numbers.items() if math.isfinite(v)},
+                }
+            )
+        for each in self.axes:
+            each.fault(t, trip)
+
+    def estop(self, t: float) -> Trip | None:
+        """Why the e-stop line does not allow movement."""
+        config = self.config.guard.estop
+        if config is None or self.estop_index is None:
+            return None
+        return guard.estop_open(config, t, self.samples[self.estop_index], self.config.guard.stale)
+
+    def note_trouble(self, t: float) -> None:
+        """Tell when the rig goes out of reach and when it returns."""
+        trouble = self.driver.trouble
+        if trouble == self.trouble:
+            return
+        self.trouble = trouble
+        why = trouble or "the rig can be reached again"
+        self.shared.events.put({"event": "warning", "t": t, "axis": None, "code": "link", "why": why})
+
+    def account(self, t: float) -> None:
+        """Publish lateness, execution time and sample age."""
+        shared, lateness = self.shared, self.pacer.lateness
+        execution = self.pacer.now() - t
+        shared.lateness[histogram_bin(lateness)] += 1
+        shared.execution[histogram_bin(execution)] += 1
+        floats = shared.floats
+        floats[Word.TICK_TIME_D] = t
+        floats[Word.LATENESS_MAX_D] = max(floats[Word.LATENESS_MAX_D], lateness)
+        floats[Word.EXECUTION_MAX_D] = max(floats[Word.EXECUTION_MAX_D], execution)
+        age = max(t - sample.t for sample in self.samples)
+        floats[Word.SAMPLE_AGE_D] = age
+        if math.isfinite(age):
+            floats[Word.SAMPLE_AGE_MAX_D] = max(floats[Word.SAMPLE_AGE_MAX_D], age)
+        words = shared.words
+        words[Word.OVERRUNS] += lateness > self.period
+        if words[Word.TICKS] % COUNTERS_EVERY == 0:
+            self.publish_counters()
+
+    def publish_counters(self) -> None:
+        """Copy the driver's counters."""
+        for index, value in enumerate(self.driver.counters):
+            self.shared.counters[index] = value
+
+    def finish(self) -> None:
+        """Neutral, last row, close."""
+        if self.shared.words[Word.FENCE] >= self.generation:
+            self.on_fence()
+        self.driver.neutral(self.pacer.now())
+        self.log.flush(math.nan)
+        self.publish_counters()
+        self.driver.close()
+
+
+def histogram_bin(seconds: float) -> int:
+    """Index of the bin for a time [s]; bins as in `seod.ring.bin_edges_us`."""
+    us = seconds * 1e6
+    return 0 if us <= 1.0 else min(HISTOGRAM_BINS - 1, math.ceil(4.0 * math.log2(us)))
+
+
+def input_channels(config: RigConfig) -> list[str]:
+    """Channels that the loop reads: each axis' sensor, then the e-stop line."""
+    channels = [config.sensors[axis.sensor].channel for axis in config.axes.values()]
+    if config.guard.estop is not None:
+        channels.append(config.guard.estop.channel)
+    return list(dict.fromkeys(channels))

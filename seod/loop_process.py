@@ -1,0 +1,114 @@
+"""Set-up of the loop process: driver, real-time scheduling, signals; then `Loop.run`."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import sys
+from typing import TYPE_CHECKING
+
+from drivers import driver_class
+from drivers.base import Driver, DriverError
+from seod.config.model import RigConfig
+from seod.config.truth import truth
+from seod.guard import Trip
+from seod.loop import Loop, input_channels
+from seod.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
+from seod.process import ChildArguments, die_with_parent, read_memfd, send_json
+from seod.realtime import enter_realtime
+from seod.ring import AxisState, Shared
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def make_driver(config: RigConfig, clock: Callable[[], float]) -> Driver:
+    """The rig file's driver, opened and started.
+
+    Raises:
+        DriverError: The rig cannot be had.
+    """
+    kind = driver_class(config.driver["kind"])
+    driver = kind(kind.Options.model_validate(config.driver), clock)
+    outputs = [config.outputs[axis.output] for axis in config.axes.values()]
+    driver.open(input_channels(config), [output.channel for output in outputs], [o.offset for o in outputs])
+    driver.start()
+    return driver
+
+
+def make_pacer(config: RigConfig, shared: Shared) -> Pacer:
+    """Simulated time for a virtual rig that is not in real time, else the clock."""
+    period = 1.0 / config.loop.rate_hz
+    if config.driver.get("realtime") is False:
+        return SimulatedPacer(period, shared)
+    return TimerPacer(period)
+
+
+def main() -> int:
+    """Entry point of the loop process."""
+    arguments = ChildArguments.from_argv()
+    die_with_parent(arguments.supervisor_pid)
+    link = socket.socket(fileno=arguments.supervisor_fd)
+    config = RigConfig.model_validate_json(read_memfd(arguments.config_fd))
+    shared = Shared(arguments.axes, arguments.rows, arguments.shared_fd)
+    pacer = make_pacer(config, shared)
+    try:
+        driver = make_driver(config, pacer.now)
+    except DriverError as error:
+        send_json(link, {"loop": "failed", "why": str(error)})
+        return 1
+    send_json(link, {"loop": "open", "recipe": dict(driver.neutral_recipe())})
+    refused = enter_realtime(config.loop.priority, config.loop.cpu)
+    if config.loop.pace == "sensor" and not isinstance(pacer, SimulatedPacer):
+        pacer = SensorPacer(driver, 1.0 / config.loop.rate_hz)
+    loop = Loop(config, driver, shared, pacer, arguments.generation)
+    install_signals(loop)
+    announce(loop, refused)
+    send_json(link, {"loop": "ready", "warnings": refused})
+    loop.run()
+    return 0
+
+
+def install_signals(loop: Loop) -> None:
+    """SIGTERM ends the loop, SIGUSR1 says that the gateway died. Both take effect at the next tick."""
+
+    def end(*_: object) -> None:
+        loop.ending = True
+
+    def gateway_died(*_: object) -> None:
+        loop.pending = Trip("gateway_died", "the gateway process died: nobody could stop the rig over TCP")
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGUSR1, gateway_died)
+
+
+def announce(loop: Loop, refused: list[str]) -> None:
+    """Tell the gateway what runs here."""
+    config = loop.config
+    loop.shared.events.put(
+        {
+            "event": "started",
+            "t": loop.pacer.now(),
+            "generation": loop.generation,
+            "realtime": {"ok": not refused, "why": refused},
+            "simulated": config.simulation is not None,
+            "truth": truth(config),
+            "counters": list(loop.driver.counter_names),
+        }
+    )
+    for axis in loop.axes:
+        loop.shared.events.put(
+            {
+                "event": "state",
+                "t": loop.pacer.now(),
+                "axis": axis.name,
+                "state": AxisState.IDLE.name.lower(),
+                "previous": None,
+                "why": "loop started",
+            }
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

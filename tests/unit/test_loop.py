@@ -1,0 +1,308 @@
+"""The loop on a virtual rig and simulated time: states, guard in the same tick, mailbox, rows, fence."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from seod.ring import FLAG_EXCITING, AxisState, Word
+from tests.unit.loop_bench import PERIOD, Bench
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+MakeBench = "Callable[..., Bench]"
+
+
+@pytest.fixture
+def bench() -> Iterator[Callable[..., Bench]]:
+    made: list[Bench] = []
+
+    def make(changes: dict[str, Any] | None = None) -> Bench:
+        made.append(Bench(changes))
+        made[-1].run(0.05)
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def axis(**changes: Any) -> dict[str, Any]:
+    return {"axes": {"motor": changes}}
+
+
+def test_start_runs_through_the_states_and_back_to_where_it_stood(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    before = rig.rows()[-1]["y"]
+    assert rig.call("start") is None
+    assert rig.state is AxisState.ARMED
+    rig.run(1.5)
+    assert rig.state is AxisState.EXCITING
+    assert rig.call("stop") is None
+    assert rig.state is AxisState.HOLDING
+    rig.run(3.0)
+    assert rig.state is AxisState.IDLE
+    assert rig.volts == 0.0
+    assert rig.rows()[-1]["y"] == pytest.approx(before, abs=0.06)
+    states = [e["state"] for e in rig.take("state")]
+    assert states == ["armed", "exciting", "holding", "idle"]
+
+
+def test_the_limit_cycle_is_the_plants(bench: Callable[..., Bench]) -> None:
+    """Period and amplitude within the sampled relay's error of the exact limit cycle's (zeta 0.21)."""
+    rig = bench()
+    rig.call("start")
+    rig.run(4.0)
+    rows = [r for r in rig.rows() if int(r["flags"]) & FLAG_EXCITING][2000:]
+    switches = [b["t"] for a, b in zip(rows, rows[1:], strict=False) if a["u"] < 0 < b["u"]]
+    period = (switches[-1] - switches[0]) / (len(switches) - 1)
+    assert 2 * math.pi / period == pytest.approx(0.9986 * 117.0, rel=0.02)
+    amplitude = (max(r["y"] for r in rows) - min(r["y"] for r in rows)) / 2
+    assert amplitude == pytest.approx(1.276 * 17 * 0.5 / (2 * 0.21 * 117), rel=0.04)
+
+
+def test_entry_is_smooth_and_rows_tell_it(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(excitation={"entry": 0.2}, polarity={"enabled": False}))
+    rig.rows()
+    rig.call("start")
+    rig.run(0.5)
+    rows = rig.rows()
+    ramp = [r for r in rows if 0 < r["e_a"] < 0.5]
+    assert len(ramp) == pytest.approx(400, abs=2)
+    assert all(abs(abs(r["u"]) - r["e_a"]) < 1e-12 for r in ramp)
+    assert not any(int(r["flags"]) & FLAG_EXCITING for r in ramp)
+    assert int(rows[-1]["flags"]) & FLAG_EXCITING
+
+
+def test_bursts_alternate_with_holds(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(excitation={"kind": "burst", "duration": 0.3, "pause": 0.4}))
+    rig.call("start")
+    rig.run(5.0)
+    states = [e["state"] for e in rig.take("state")]
+    assert states[:6] == ["armed", "exciting", "holding", "exciting", "holding", "exciting"]
+    rig.call("stop")
+    rig.run(3.5)
+    assert rig.state is AxisState.IDLE
+
+
+def test_wrong_polarity_never_closes_the_loop(bench: Callable[..., Bench]) -> None:
+    rig = bench({"outputs": {"valve": {"scale": -1.0}}})
+    rig.call("start")
+    rig.run(1.0)
+    assert rig.state is AxisState.FAULT
+    assert rig.faults() == ["polarity"]
+    assert "wrong sign" in rig.take("fault")[0]["why"]
+    assert "exciting" not in [e["state"] for e in rig.take("state")]
+    assert max(abs(r["y"]) for r in rig.rows()) < 0.15
+
+
+def test_no_pressure_is_told_from_wrong_polarity(bench: Callable[..., Bench]) -> None:
+    rig = bench({"simulation": {"plants": {"motor": {"K_L": 1e-3}}}})
+    rig.call("start")
+    rig.run(1.0)
+    assert rig.faults() == ["polarity"]
+    assert "no movement" in rig.take("fault")[0]["why"]
+
+
+def test_polarity_is_seen_through_a_drift(bench: Callable[..., Bench]) -> None:
+    rig = bench({"simulation": {"plants": {"motor": {"bias": 0.2}}}})  # drifts the other way at -3.4 rad/s
+    rig.run(0.1)
+    rig.call("start")
+    rig.run(0.3)
+    (polarity,) = rig.take("polarity")
+    assert polarity["ok"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        (axis(limits={"amplitude": 0.1}), "amplitude"),
+        (axis(limits={"travel": (-0.15, 0.15)}), "travel"),
+        (axis(limits={"speed": 10.0}), "speed"),
+    ],
+)
+def test_limits_fault_in_the_same_tick_and_latch(
+    bench: Callable[..., Bench], changes: dict[str, Any], code: str
+) -> None:
+    rig = bench(changes)
+    rig.call("start")
+    rig.run(2.0)
+    assert rig.faults() == [code]
+    fault = rig.take("fault")[0]
+    rows = {r["tick_time"]: r for r in rig.rows()}
+    assert rows[fault["t"]]["u"] == 0.0
+    assert rows[fault["t"]]["state"] == AxisState.FAULT
+    assert fault["numbers"]
+    assert rig.call("start") == "motor is in fault: reset first"
+    assert rig.state is AxisState.FAULT
+    assert rig.call("reset") is None
+    assert rig.state is AxisState.IDLE
+
+
+def test_estop_command_is_neutral_within_its_tick(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    assert rig.volts != 0.0
+    assert rig.call("estop") is None
+    assert rig.volts == 0.0
+    assert rig.state is AxisState.FAULT
+
+
+def test_estop_line_blocks_the_start_and_stops_a_running_rig(bench: Callable[..., Bench]) -> None:
+    rig = bench({"guard": {"estop": {"channel": "estop"}}})
+    rig.call("start")
+    rig.run(0.5)
+    assert rig.state is AxisState.EXCITING
+    line = rig.loop.config.guard.estop
+    assert line is not None
+    read = rig.driver.read
+    rig.driver.read = lambda t: [s if s.value != 1.0 else s._replace(value=0.0) for s in read(t)]  # type: ignore[method-assign] # the line opens
+    rig.run(2 * PERIOD)
+    assert rig.faults() == ["estop"]
+    assert rig.volts == 0.0
+    rig.call("reset")
+    error = rig.call("start")
+    assert error is not None
+    assert "e-stop" in error
+
+
+def test_silent_sensor_faults_when_moving_and_blocks_the_start(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    frozen = rig.driver.read(rig.pacer.now())
+    rig.driver.read = lambda t: frozen  # type: ignore[method-assign] # no new samples come
+    rig.run(0.03)
+    assert rig.faults() == ["stale_sample"]
+    assert rig.volts == 0.0
+    rig.call("reset")
+    error = rig.call("start")
+    assert error is not None
+    assert "ms old" in error
+
+
+def test_lost_link_faults_and_is_told(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    rig.driver.trouble = "interface vcan0 is down"
+    rig.run(2 * PERIOD)
+    assert rig.faults() == ["link"]
+    rig.call("reset")
+    assert rig.call("start") == "interface vcan0 is down"
+    rig.driver.trouble = ""
+    rig.run(2 * PERIOD)
+    assert rig.call("start") is None
+    assert [w["why"] for w in rig.take("warning")] == [
+        "interface vcan0 is down",
+        "the rig can be reached again",
+    ]
+
+
+def test_excitation_budget_stops_without_a_fault(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(limits={"excitation": 1.0}))
+    rig.call("start")
+    rig.run(5.0)
+    assert rig.state is AxisState.IDLE
+    assert rig.faults() == []
+    assert [w["code"] for w in rig.take("warning")] == ["excitation_budget"]
+
+
+def test_dead_man(bench: Callable[..., Bench]) -> None:
+    rig = bench({"guard": {"dead_man": 0.5}})
+    rig.call("start")
+    for _ in range(5):
+        rig.run(0.3)
+        rig.call("keepalive")
+    assert rig.state is AxisState.EXCITING
+    rig.run(0.6)
+    assert rig.faults() == ["dead_man"]
+
+
+def test_a_loop_that_stood_still_does_not_act_on_the_old_world(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    rig.pacer.lateness = 0.2
+    rig.run(PERIOD)
+    assert rig.faults() == ["hang"]
+    assert rig.volts == 0.0
+
+
+def test_fenced_loop_writes_nothing_more(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    sent = rig.driver.counters[1]
+    rig.shared.words[Word.FENCE] = 1
+    with pytest.raises(SystemExit):
+        rig.run(PERIOD)
+    with pytest.raises(SystemExit):
+        rig.loop.finish()
+    assert rig.driver.counters[1] == sent
+
+
+def test_an_exception_in_the_loop_ends_in_neutral_and_is_told(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    actuator = rig.driver.rig
+    assert actuator is not None
+
+    def broken(t: float) -> Any:
+        raise ZeroDivisionError("sensor driver broke")
+
+    rig.driver.read = broken  # type: ignore[method-assign] # a bug in a driver
+    with pytest.raises(ZeroDivisionError):
+        rig.loop.run()
+    assert actuator.state(rig.pacer.now())["motor"]["voltage"] == 0.0
+    assert rig.faults() == ["exception"]
+    assert "sensor driver broke" in rig.take("fault")[0]["why"]
+
+
+def test_a_controller_that_asks_for_no_number_faults(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    rig.loop.axes[0].controller.step = lambda t, e: math.nan  # type: ignore[method-assign] # a bug
+    rig.run(PERIOD)
+    assert rig.faults() == ["non_finite"]
+    assert rig.volts == 0.0
+
+
+def test_set_takes_effect_while_running_and_is_held_to_the_limits(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    assert rig.call("set", e_a=0.3, bias=0.05) is None
+    rig.rows()
+    rig.run(0.5)
+    assert {round(r["u"], 9) for r in rig.rows()} == {0.35, -0.25}
+    for values in ({"e_a": 2.1}, {"e_a": 1.0, "bias": 1.2}, {"e_a": 0.0}, {"hysteresis": 0.7}, {"gain": 1.0}):
+        assert rig.call("set", **values) is not None
+    assert rig.loop.axes[0].e_a == 0.3
+
+
+def test_rows_are_the_ticks_without_a_gap(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.run(0.2)
+    rows = rig.rows()
+    ticks = [r["tick"] for r in rows]
+    assert ticks == list(range(len(rows)))
+    assert all(r["t"] <= r["t_u"] for r in rows)
+
+
+def test_confirmed_time_of_leaving_goes_into_its_own_row(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.driver.left = lambda: rig.loop.log.values[0] + 1e-4 if rig.loop.log.values else math.nan  # type: ignore[method-assign] # an echo
+    rig.run(0.1)
+    rows = rig.rows()[110:]
+    assert all(r["t_u"] - r["tick_time"] == pytest.approx(1e-4, abs=1e-9) for r in rows)
+
+
+def test_unknown_command_is_answered(bench: Callable[..., Bench]) -> None:
+    assert bench().call("dance") == "unknown command 'dance'"
