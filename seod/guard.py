@@ -50,21 +50,21 @@ class SwingMeter:
 
     def __init__(self, t: float) -> None:
         self.block_end = t + self.BLOCK_S
-        self.low = math.inf
-        self.high = -math.inf
         self.blocks: deque[tuple[float, float]] = deque(maxlen=self.KEPT)
+        self.low = self.kept_low = math.inf
+        self.high = self.kept_high = -math.inf
 
     def update(self, t: float, y: float) -> float:
         """Take one sample; half the peak-to-peak movement over about the last second [axis unit]."""
         if t >= self.block_end:
-            self.blocks.append((self.low, self.high))
-            self.block_end = t + self.BLOCK_S
-            self.low = self.high = y
-        self.low = min(self.low, y)
-        self.high = max(self.high, y)
-        low = min((block[0] for block in self.blocks), default=self.low)
-        high = max((block[1] for block in self.blocks), default=self.high)
-        return 0.5 * (max(high, self.high) - min(low, self.low))
+            self._end_block(t)
+        if y < self.low:
+            self.low = y
+        if y > self.high:  # both may hold: the first sample of a block
+            self.high = y
+        low = self.low if self.low < self.kept_low else self.kept_low
+        high = self.high if self.high > self.kept_high else self.kept_high
+        return 0.5 * (high - low)
 
     def growth(self) -> float:
         """Swing of the newest whole block over that of the oldest kept one; 1 until there are enough."""
@@ -72,6 +72,13 @@ class SwingMeter:
             return 1.0
         first, last = self.blocks[0], self.blocks[-1]
         return (last[1] - last[0]) / max(first[1] - first[0], 1e-300)
+
+    def _end_block(self, t: float) -> None:
+        self.blocks.append((self.low, self.high))
+        self.kept_low = min(block[0] for block in self.blocks)
+        self.kept_high = max(block[1] for block in self.blocks)
+        self.low, self.high = math.inf, -math.inf
+        self.block_end = t + self.BLOCK_S
 
 
 class AxisGuard:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from seod import guard
 from seod.axis import Axis
 from seod.guard import Trip
-from seod.ring import HISTOGRAM_BINS, Word
+from seod.meter import TickMeter
+from seod.ring import Word
 from seod.rowlog import RowLog
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from seod.pacer import Pacer
     from seod.ring import Shared
 
-COUNTERS_EVERY = 50
-"""Ticks between copies of the driver's counters into the shared memory."""
 FENCED = 3
 """Exit code of a loop that found itself fenced."""
 
@@ -69,6 +68,7 @@ class Loop:
         self.trouble = ""
         self.samples: Sequence[Sample] = ()
         self.log = RowLog(shared, self.axes)
+        self.meter = TickMeter(shared, driver, self.period)
         self.ending = False
         shared.commands.skip_to_head()
         shared.words[Word.GENERATION] = generation
@@ -79,7 +79,7 @@ class Loop:
             while not self.ending:
                 t = self.pacer.next()
                 self.tick(t)
-                self.account(t)
+                self.meter.note(t, self.pacer, self.samples)
         except Exception as error:
             self.fault(
                 self.pacer.now(), Trip("exception", f"the loop failed: {type(error).__name__}: {error}")
@@ -223,44 +223,14 @@ class Loop:
         why = trouble or "the rig can be reached again"
         self.shared.events.put({"event": "warning", "t": t, "axis": None, "code": "link", "why": why})
 
-    def account(self, t: float) -> None:
-        """Publish lateness, execution time and sample age."""
-        shared, lateness = self.shared, self.pacer.lateness
-        execution = self.pacer.now() - t
-        shared.lateness[histogram_bin(lateness)] += 1
-        shared.execution[histogram_bin(execution)] += 1
-        floats = shared.floats
-        floats[Word.TICK_TIME_D] = t
-        floats[Word.LATENESS_MAX_D] = max(floats[Word.LATENESS_MAX_D], lateness)
-        floats[Word.EXECUTION_MAX_D] = max(floats[Word.EXECUTION_MAX_D], execution)
-        age = max(t - sample.t for sample in self.samples)
-        floats[Word.SAMPLE_AGE_D] = age
-        if math.isfinite(age):
-            floats[Word.SAMPLE_AGE_MAX_D] = max(floats[Word.SAMPLE_AGE_MAX_D], age)
-        words = shared.words
-        words[Word.OVERRUNS] += lateness > self.period
-        if words[Word.TICKS] % COUNTERS_EVERY == 0:
-            self.publish_counters()
-
-    def publish_counters(self) -> None:
-        """Copy the driver's counters."""
-        for index, value in enumerate(self.driver.counters):
-            self.shared.counters[index] = value
-
     def finish(self) -> None:
         """Neutral, last row, close."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         self.driver.neutral(self.pacer.now())
         self.log.flush(math.nan)
-        self.publish_counters()
+        self.meter.publish_counters()
         self.driver.close()
-
-
-def histogram_bin(seconds: float) -> int:
-    """Index of the bin for a time [s]; bins as in `seod.ring.bin_edges_us`."""
-    us = seconds * 1e6
-    return 0 if us <= 1.0 else min(HISTOGRAM_BINS - 1, math.ceil(4.0 * math.log2(us)))
 
 
 def input_channels(config: RigConfig) -> list[str]:

@@ -13,7 +13,7 @@ import json
 import mmap
 import os
 import struct
-from enum import IntEnum, auto
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -25,32 +25,32 @@ MESSAGE_BYTES = 4096
 MESSAGE_SLOTS = 256
 
 
-class Word(IntEnum):
+class Word:
     """8-byte words of the status block; `d` marks those that hold a float, by whom they are written."""
 
     TICKS = 0
     """Ticks done since the daemon's start; the supervisor's proof of life (loop)."""
-    GENERATION = auto()
+    GENERATION = 1
     """Number of the loop process that is running (loop)."""
-    FENCE = auto()
+    FENCE = 2
     """Loops up to this generation may not write to the rig any more (supervisor)."""
-    CONSUMED = auto()
+    CONSUMED = 3
     """Rows that the gateway has taken (gateway)."""
-    COMMANDS_SENT = auto()
+    COMMANDS_SENT = 4
     """Command frames sent so far: where the neutral sequence counter goes on (loop)."""
-    OVERRUNS = auto()
+    OVERRUNS = 5
     """Ticks that began later than one period after their time (loop)."""
-    TICK_TIME_D = auto()
+    TICK_TIME_D = 6
     """Time of the last tick [s] (loop, d)."""
-    SAMPLE_AGE_D = auto()
+    SAMPLE_AGE_D = 7
     """Age of the oldest sample used in the last tick [s] (loop, d)."""
-    SAMPLE_AGE_MAX_D = auto()
+    SAMPLE_AGE_MAX_D = 8
     """Largest of these while the loop runs [s] (loop, d)."""
-    LATENESS_MAX_D = auto()
+    LATENESS_MAX_D = 9
     """Largest lateness of a tick [s] (loop, d)."""
-    EXECUTION_MAX_D = auto()
+    EXECUTION_MAX_D = 10
     """Longest tick, all but waiting [s] (loop, d)."""
-    READY = auto()
+    READY = 11
     """1 once the loop ticks (loop)."""
     WORDS = 16
 

@@ -86,7 +86,7 @@ class Bench:
         for _ in range(round(seconds / PERIOD)):
             t = self.pacer.next()
             self.loop.tick(t)
-            self.loop.account(t)
+            self.loop.meter.note(t, self.pacer, self.loop.samples)
             self.shared.words[Word.CONSUMED] = self.shared.row_ring.head[0]
 
     def call(self, op: str, axis: int | None = None, **values: float) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -57,7 +58,7 @@ def test_the_limit_cycle_is_the_plants(bench: Callable[..., Bench]) -> None:
     rig.call("start")
     rig.run(4.0)
     rows = [r for r in rig.rows() if int(r["flags"]) & FLAG_EXCITING][2000:]
-    switches = [b["t"] for a, b in zip(rows, rows[1:], strict=False) if a["u"] < 0 < b["u"]]
+    switches = [b["t"] for a, b in pairwise(rows) if a["u"] < 0 < b["u"]]
     period = (switches[-1] - switches[0]) / (len(switches) - 1)
     assert 2 * math.pi / period == pytest.approx(0.9986 * 117.0, rel=0.02)
     amplitude = (max(r["y"] for r in rows) - min(r["y"] for r in rows)) / 2

@@ -1,0 +1,66 @@
+"""What the loop publishes of itself: lateness, execution time, sample age, overruns, driver counters."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from seod.ring import HISTOGRAM_BINS, Word
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.base import Driver, Sample
+    from seod.pacer import Pacer
+    from seod.ring import Shared
+
+COUNTERS_EVERY = 50
+"""Ticks between copies of the driver's counters into the shared memory."""
+
+
+class TickMeter:
+    """Writes one loop's figures into the shared memory; the maxima are this loop process's own.
+
+    Args:
+        shared: Where to.
+        driver: Whose counters.
+        period: Nominal tick period [s].
+    """
+
+    def __init__(self, shared: Shared, driver: Driver, period: float) -> None:
+        self.shared = shared
+        self.driver = driver
+        self.period = period
+        self.lateness_max = self.execution_max = self.age_max = 0.0
+
+    def note(self, t: float, pacer: Pacer, samples: Sequence[Sample]) -> None:
+        """Account for the tick that began at `t` [s] and has just ended."""
+        shared, lateness = self.shared, pacer.lateness
+        execution = pacer.now() - t
+        shared.lateness[histogram_bin(lateness)] += 1
+        shared.execution[histogram_bin(execution)] += 1
+        floats = shared.floats
+        floats[Word.TICK_TIME_D] = t
+        if lateness > self.lateness_max:
+            self.lateness_max = floats[Word.LATENESS_MAX_D] = lateness
+        if execution > self.execution_max:
+            self.execution_max = floats[Word.EXECUTION_MAX_D] = execution
+        age = t - min(sample.t for sample in samples)
+        floats[Word.SAMPLE_AGE_D] = age
+        if self.age_max < age < math.inf:
+            self.age_max = floats[Word.SAMPLE_AGE_MAX_D] = age
+        if lateness > self.period:
+            shared.words[Word.OVERRUNS] += 1
+        if shared.words[Word.TICKS] % COUNTERS_EVERY == 0:
+            self.publish_counters()
+
+    def publish_counters(self) -> None:
+        """Copy the driver's counters."""
+        for index, value in enumerate(self.driver.counters):
+            self.shared.counters[index] = value
+
+
+def histogram_bin(seconds: float) -> int:
+    """Index of the bin for a time [s]; bins as in `seod.ring.bin_edges_us`."""
+    us = seconds * 1e6
+    return 0 if us <= 1.0 else min(HISTOGRAM_BINS - 1, math.ceil(4.0 * math.log2(us)))
