@@ -1,35 +1,35 @@
-"""Where the rig files, their schema, the DBC and the systemd unit are: in a checkout or as installed."""
+"""Where the files that come with seod are: example rig files and systemd units."""
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, files
+import sysconfig
 from pathlib import Path
 
-PLACES = ("configs", "systemd")
 
-
-def data_file(name: str) -> Path:
-    """Absolute path of a shipped file.
-
-    Args:
-        name: Below the project's folder, such as `configs/virtual.yaml` or `systemd/seod@.service`.
+def configs_dir() -> Path:
+    """Folder of the example rig files.
 
     Raises:
-        FileNotFoundError: Neither in a checkout nor installed; says where was looked.
+        FileNotFoundError: Neither in a checkout nor installed.
     """
-    checkout = Path(__file__).parents[1] / name
-    if checkout.is_file() and name.split("/")[0] in PLACES:
-        return checkout
-    for entry in _installed_files():
-        if entry.as_posix().endswith(f"share/seod/{name}"):
-            return entry
-    raise FileNotFoundError(f"{name} is neither at {checkout} nor among the installed files of seod")
+    return _find("configs", "virtual.yaml")
 
 
-def _installed_files() -> list[Path]:
-    # The wheel's record knows where an installer put share/: under a prefix, a venv or a user's home.
-    try:
-        entries = files("seod") or []
-    except PackageNotFoundError:
-        return []
-    return [Path(str(entry.locate())).resolve() for entry in entries if "share" in entry.parts]
+def systemd_dir() -> Path:
+    """Folder of the systemd units.
+
+    Raises:
+        FileNotFoundError: Neither in a checkout nor installed.
+    """
+    return _find("systemd", "seod@.service")
+
+
+def _find(folder: str, member: str) -> Path:
+    """The folder beside the packages (a checkout), else in the data directory that a wheel installs to."""
+    bases = [Path(__file__).resolve().parent.parent]
+    schemes = (sysconfig.get_default_scheme(), sysconfig.get_preferred_scheme("user"))
+    bases += [Path(sysconfig.get_path("data", scheme)) / "share" / "seod" for scheme in schemes]
+    for base in bases:
+        if (base / folder / member).is_file():
+            return base / folder
+    raise FileNotFoundError(f"no {folder}/{member} in any of {', '.join(map(str, bases))}")

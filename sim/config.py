@@ -37,7 +37,7 @@ class PlantConfig(BaseModel):
     """Quantisation step of the sensor [output unit]; 0 for none."""
     saturation: Positive | None = None
     """The amplifier clips the command to +- this [V]."""
-    stops: tuple[Finite, Finite] | None = None
+    stops: Annotated[tuple[Finite, Finite], Field(strict=False)] | None = None
     """End stops [output unit]: the load stands still there."""
 
     @model_validator(mode="after")

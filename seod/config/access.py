@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address reaches only this machine. Other names are not looked up: they count as the network."""
+    """Whether an address reaches only this machine; names are not looked up and count as the network."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -49,4 +49,8 @@ def _files(draft: Draft) -> Iterator[ConfigError]:
             path.open("rb").close()
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
-            yield draft.error(("server", "tls", key), f"{path} cannot be read: {why}", "a PEM file; relative to the rig file")
+            yield draft.error(
+                ("server", "tls", key),
+                f"{path} cannot be read: {why}",
+                "a PEM file; relative to the rig file",
+            )

@@ -58,7 +58,7 @@ class Draft:
         return value if isinstance(value, str) else None
 
     def section(self, model: type[SectionT], *path: str | int) -> SectionT | None:
-        """A section by itself; its defaults if it is left out; None if it is not valid or needs to be there."""
+        """A section by itself: its defaults if left out, None if it is not valid or has to be there."""
         if path not in self._sections:
             value = self.raw(*path)
             self._sections[path] = validated(model, {} if value is None else value)

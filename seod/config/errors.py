@@ -39,7 +39,7 @@ class ConfigError:
         return ": ".join(part for part in parts if part) + (f"; {self.right}" if self.right else "")
 
 
-class ConfigErrors(Exception):
+class ConfigErrors(Exception):  # noqa: N818 - it is many
     """All mistakes of a rig file, in the order of its lines; the text has one line for each."""
 
     def __init__(self, errors: Iterable[ConfigError]) -> None:

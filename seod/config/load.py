@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from drivers.base import Driver
 
-__all__ = ["ConfigError", "ConfigErrors", "driver_options", "load_rig", "load_text"]
+__all__ = ["ConfigError", "ConfigErrors", "load_rig", "load_text"]
 
 MAX_BYTES = 1 << 20
 """Largest rig file; real ones have a few kB."""
@@ -86,17 +86,12 @@ def load_text(text: str, name: str, directory: Path) -> RigConfig:
         raise ConfigErrors(early)
     problems = _problems(draft)
     known = {(error.line, error.key) for error in problems}
-    found = [*_shape(draft), *_driver(draft), *check_wiring(draft), *check_numbers(draft), *check_access(draft)]
+    rules = (_shape, _driver, check_wiring, check_numbers, check_access)
+    found = [error for rule in rules for error in rule(draft)]
     errors = problems + [error for error in found if (error.line, error.key) not in known]
     if errors:
         raise ConfigErrors(errors)
     return _finished(draft)
-
-
-def driver_options(config: RigConfig) -> tuple[type[Driver], BaseModel]:
-    """The driver class of a loaded rig file and its options, in this or any other process."""
-    driver = driver_class(config.driver["kind"])
-    return driver, driver.Options.model_validate_json(json.dumps(config.driver))
 
 
 def _problems(draft: Draft) -> list[ConfigError]:

@@ -136,7 +136,7 @@ class HoldConfig(Section):
     output: PositiveVoltage | None = None
     """Limit of its output; e_a where left out."""
     tolerance: PositivePosition | None = None
-    """Within this of the start the hold ends; where left out, a tenth of the limit cycle's amplitude limit."""
+    """Within this of the start the hold ends; where left out, a tenth of limits.amplitude."""
     timeout: Seconds = 3.0
     """The hold ends after this, wherever it is."""
 
@@ -233,8 +233,10 @@ class GuardConfig(Section):
     frozen: Seconds = 0.25
     """A sensor that repeats one value for this long while the relay is on is frozen."""
     rig_watchdog: Seconds | None = None
-    """The amplifier's own watchdog: it goes to neutral when commands stop for this long. The last line of defence,
-    when the whole computer dies; the daemon cannot measure it."""
+    """The amplifier's own watchdog: it goes to neutral when commands stop for this long.
+
+    The last line of defence, when the whole computer dies. The daemon cannot see it: measure it on the rig.
+    """
     overruns: OverrunConfig = OverrunConfig()
     estop: EstopConfig | None = None
     dead_man: Seconds | None = None

@@ -50,7 +50,8 @@ def _voltages(draft: Draft, axis: str) -> Iterator[ConfigError]:
     most, bias = limits.output, abs(relay.bias)
     if relay.e_a + bias > most:
         message = f"e_a + |bias| = {relay.e_a + bias:g} V is above limits.output = {most:g} V"
-        yield draft.error(("axes", axis, "relay", "e_a"), message, f"e_a of at most {max(most - bias, 0):g} V")
+        right = f"e_a of at most {max(most - bias, 0):g} V"
+        yield draft.error(("axes", axis, "relay", "e_a"), message, right)
     if hold and hold.output and hold.output + bias > most:
         message = f"with |bias| must be at most limits.output = {most:g} V"
         yield draft.wrong(("axes", axis, "hold", "output"), message)
@@ -130,11 +131,10 @@ def _output_range(draft: Draft, axis: str) -> Iterator[ConfigError]:
     if limits is None or output is None or channel is None:
         return
     swing = abs(limits.output / UNITS[output.unit][1] * output.scale)
-    if output.offset - swing < channel.minimum or output.offset + swing > channel.maximum:
-        message = (
-            f"needs {output.offset - swing:g} to {output.offset + swing:g} of channel {channel.name!r}, which "
-            f"carries only {channel.minimum:g} to {channel.maximum:g}"
-        )
+    low, high = output.offset - swing, output.offset + swing
+    if low < channel.minimum or high > channel.maximum:
+        carried = f"which carries only {channel.minimum:g} to {channel.maximum:g}"
+        message = f"needs {low:g} to {high:g} of channel {channel.name!r}, {carried}"
         yield draft.error(("axes", axis, "limits", "output"), message, "a lower limit or another scale")
 
 

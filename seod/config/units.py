@@ -54,7 +54,7 @@ def parse_quantity(value: object, *dimensions: str) -> float:
     """
     right = ", ".join(units_of(*dimensions))
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError(f"must be a number or a number with a unit ({right})")
+        raise ValueError(f"must be a number, or a number with a unit ({right})")  # noqa: TRY004 - for pydantic
     if not isinstance(value, str):
         return _float(value)
     match = _QUANTITY.match(value)
@@ -67,7 +67,7 @@ def parse_quantity(value: object, *dimensions: str) -> float:
 
 
 def dimension_of(value: object) -> str | None:
-    """The dimension that a raw value such as `"30 deg"` is written in; None for a plain number or no quantity."""
+    """Dimension that a raw value such as `"30 deg"` is written in; None for a plain number or no quantity."""
     match = _QUANTITY.match(value) if isinstance(value, str) else None
     return UNITS[match[2]][0] if match and match[2] in UNITS else None
 

@@ -73,18 +73,23 @@ def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigErro
 
 
 def _channel_units(draft: Draft) -> Iterator[ConfigError]:
+    for name in draft.names("sensors"):
+        yield from _channel_unit(draft, ("sensors", name), draft.section(SensorConfig, "sensors", name))
+    for name in draft.names("outputs"):
+        yield from _channel_unit(draft, ("outputs", name), draft.section(OutputConfig, "outputs", name))
+
+
+def _channel_unit(
+    draft: Draft, path: KeyPath, config: SensorConfig | OutputConfig | None
+) -> Iterator[ConfigError]:
     """With scale 1 nothing is converted: the unit must be the channel's, where that is known."""
-    sections = (("sensors", SensorConfig), ("outputs", OutputConfig))
-    for section, model in sections:
-        for name in draft.names(section):
-            config = draft.section(model, section, name)
-            channel = (draft.channels or {}).get(config.channel) if config else None
-            if not isinstance(config, SensorConfig | OutputConfig) or channel is None or config.scale != 1:
-                continue
-            if channel.unit in UNITS and channel.unit not in ("", config.unit):
-                message = f"channel {channel.name!r} is in {channel.unit}, and scale 1 leaves it so"
-                right = f"`unit: {channel.unit}`, or a scale that makes {config.unit} of it"
-                yield draft.wrong((section, name, "unit"), message, right)
+    channel = (draft.channels or {}).get(config.channel) if config else None
+    if config is None or channel is None or config.scale != 1:
+        return
+    if channel.unit in UNITS and channel.unit not in ("", config.unit):
+        message = f"channel {channel.name!r} is in {channel.unit}, and scale 1 leaves it so"
+        right = f"`unit: {channel.unit}`, or a scale that makes {config.unit} of it"
+        yield draft.wrong((*path, "unit"), message, right)
 
 
 def sensor_dimension(draft: Draft, axis: str) -> str | None:
@@ -109,7 +114,7 @@ def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
         path = ("axes", axis, *key)
         written = dimension_of(draft.raw(*path))
         if written in (*POSITIONS, *RATES.values()) and written != right:
-            message = f"the sensor {sensor!r} measures a {dimension}, so this must be in {', '.join(units_of(right))}"
+            message = f"sensor {sensor!r} measures a {dimension}: must be in {', '.join(units_of(right))}"
             yield draft.wrong(path, message)
 
 
@@ -137,7 +142,9 @@ def _plant(draft: Draft, axis: str) -> Iterator[ConfigError]:
     moved = {plant.input: plant.output for plant in simulation.plants.values()}
     if driven not in moved:
         right = f"a plant under simulation.plants with `input: {driven}` and `output: {measured}`"
-        yield draft.error(("axes", axis, "output"), f"no simulated plant is moved by channel {driven!r}", right)
+        yield draft.error(
+            ("axes", axis, "output"), f"no simulated plant is moved by channel {driven!r}", right
+        )
     elif moved[driven] != measured:
         message = f"channel {driven!r} moves the plant behind {moved[driven]!r}, not {measured!r}"
         yield draft.error(("axes", axis, "sensor"), message, f"a sensor with `channel: {moved[driven]}`")
@@ -155,7 +162,9 @@ def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     for name in simulation.constants:
         if draft.channels is not None and name not in inputs:
             message = f"the driver has no input channel {name!r}"
-            yield draft.error(("simulation", "constants", name), message, suggest(name, inputs, "input channels"))
+            yield draft.error(
+                ("simulation", "constants", name), message, suggest(name, inputs, "input channels")
+            )
 
 
 def _pace(draft: Draft) -> Iterator[ConfigError]:

@@ -1,19 +1,21 @@
 """YAML with the place of every value: what a message needs to say `configs/x.yaml:14`.
 
-A narrow, predictable YAML. Plain words are read by the YAML 1.2 core schema: `1e-3` and `8e6` are numbers, `yes`
-and `off` are words, `true` and `false` are the only booleans, `12:30` is text. Duplicate keys are mistakes. Anchors,
-aliases, merge keys and tags are refused: a rig file says everything where it stands, and nothing can blow up.
+A narrow, predictable YAML. Plain words are read by the YAML 1.2 core schema: `1e-3` and `8e6` are numbers,
+`yes` and `off` are words, `true` and `false` are the only booleans, `12:30` is text. Duplicate keys are
+mistakes. Anchors, aliases and tags are refused: a rig file says everything where it stands, and nothing in it
+can blow up.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
-from seod.config.errors import KeyPath
+if TYPE_CHECKING:
+    from seod.config.errors import KeyPath
 
 MAX_DEPTH = 30
 """Deepest nesting; the deepest rig file needs eight."""
@@ -67,7 +69,7 @@ class _Loader(yaml.SafeLoader):
     depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        event = self.peek_event()
+        event = self.peek_event()  # type: ignore[no-untyped-call]  # left out of the stubs
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             raise _Refused(problem=f"anchors (&) and aliases (*) {_REFUSED}", problem_mark=event.start_mark)
         if getattr(event, "tag", None) is not None:
@@ -170,7 +172,9 @@ def _scalar(document: Document, node: yaml.Node, path: KeyPath) -> Any:
         return _CONVERT[node.tag.removeprefix(_TAG)](node.value)
     except ValueError:  # "\ud800" is a character for YAML; a number may be too long for Python
         message = f"{node.value[:40]!r} cannot be read"
-    document.problems.append(Problem(path, node.start_mark.line + 1, message, "a shorter number, or plain text"))
+    document.problems.append(
+        Problem(path, node.start_mark.line + 1, message, "a shorter number, or plain text")
+    )
     return None
 
 
