@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
 Clock = "Callable[[], float]"
-"""Returns CLOCK_MONOTONIC in s (or simulated time): handed in, so that drivers can be tested without waiting."""
+"""Returns CLOCK_MONOTONIC in s (or simulated time): handed in, so that drivers are tested without waiting."""
 
 
 class DriverError(Exception):
@@ -70,7 +70,7 @@ NO_SAMPLE = Sample(math.nan, -math.inf)
 
 
 class Driver(ABC):
-    """Base of all drivers. Subclasses are listed in `drivers.TABLE` or under the entry point `seod.drivers`."""
+    """Base of all drivers; they are listed in `drivers.TABLE` or under the entry point `seod.drivers`."""
 
     Options: ClassVar[type[BaseModel]]
     """Strict pydantic model of the rig file's `driver:` section (with `kind`)."""
@@ -80,6 +80,9 @@ class Driver(ABC):
 
     counter_names: ClassVar[tuple[str, ...]]
     """Names of the health counters, fixed for a class, in the order of `counters`."""
+
+    commands_sent: int = 0
+    """Command frames sent so far, where frames carry a sequence counter."""
 
     def __init__(self, options: Any, clock: Callable[[], float]) -> None:
         self.options = options
@@ -113,7 +116,7 @@ class Driver(ABC):
     def start(self) -> None:
         """Send the opening frames; samples arrive from here on."""
 
-    def wait(self, deadline: float) -> bool:
+    def wait(self, deadline: float) -> bool:  # noqa: ARG002 - for those that push
         """Block until a new sample of the first input arrived (True) or until `deadline` in s (False)."""
         raise DriverStateError(f"{type(self).__name__} does not push samples: use pace: timer")
 
@@ -123,7 +126,7 @@ class Driver(ABC):
 
     @abstractmethod
     def write(self, t: float, values: Sequence[float]) -> float:
-        """Send one value for each output; returns when they left, in s. Never blocks."""
+        """Send one value for each output, never blocking; returns when they left, in s, nan if they did not."""
 
     def left(self) -> float:
         """When the last write really left, in s, as the hardware confirmed it; nan where it cannot tell."""
@@ -131,7 +134,7 @@ class Driver(ABC):
 
     @abstractmethod
     def neutral(self, t: float) -> float:
-        """Send each output's neutral value, ahead of anything still waiting; returns when it left, in s."""
+        """Send each output's neutral value, instead of anything still waiting; returns as `write`."""
 
     @abstractmethod
     def close(self) -> None:

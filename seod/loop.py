@@ -123,11 +123,15 @@ class Loop:
         """Send what the guard passes, or neutral where nothing may move; when it left [s], and the volts."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
-        if not any(axis.active for axis in self.axes):
-            return self.driver.neutral(t), [0.0] * len(self.axes)
-        volts = [axis.guard.pass_command(t, u) for axis, u in zip(self.axes, asked, strict=True)]
-        raw = [axis.raw_neutral + axis.raw_per_volt * u for axis, u in zip(self.axes, volts, strict=True)]
-        return self.driver.write(t, raw), volts
+        if any(axis.active for axis in self.axes):
+            volts = [axis.guard.pass_command(t, u) for axis, u in zip(self.axes, asked, strict=True)]
+            raw = [axis.raw_neutral + axis.raw_per_volt * u for axis, u in zip(self.axes, volts, strict=True)]
+            left = self.driver.write(t, raw)
+        else:
+            volts = [0.0] * len(self.axes)
+            left = self.driver.neutral(t)
+        self.shared.words[Word.COMMANDS_SENT] = self.driver.commands_sent
+        return left, volts
 
     def obey(self, t: float) -> None:
         """Carry out the commands that came through the mailbox, and answer each."""

@@ -50,8 +50,6 @@ class Word:
     """Largest lateness of a tick [s] (loop, d)."""
     EXECUTION_MAX_D = 10
     """Longest tick, all but waiting [s] (loop, d)."""
-    READY = 11
-    """1 once the loop ticks (loop)."""
     WORDS = 16
 
 

@@ -1,0 +1,70 @@
+"""What the supervisor hands to its children, and how it hears of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+from typing import TYPE_CHECKING
+
+from seod import sdnotify
+from seod.process import ChildArguments, read_memfd, receive_json, send_json, write_memfd
+
+if TYPE_CHECKING:
+    import pytest
+
+
+def arguments() -> ChildArguments:
+    return ChildArguments(3, 4, 5, 6, 1, 1024, 1, None, "/etc/seod/rig.yaml")
+
+
+def test_arguments_survive_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    command = arguments().command("seod.loop_process")
+    assert command[:3] == [sys.executable, "-m", "seod.loop_process"]
+    monkeypatch.setattr(sys, "argv", ["x", command[3]])
+    assert ChildArguments.from_argv() == arguments()
+
+
+def test_memfd_is_read_whole_whatever_its_position() -> None:
+    fd = write_memfd("test", b"{}" * 10_000)
+    os.lseek(fd, 7, os.SEEK_SET)
+    assert read_memfd(fd) == b"{}" * 10_000
+    os.close(fd)
+
+
+def test_json_datagrams() -> None:
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with here, there:
+        assert receive_json(there) is None
+        assert send_json(here, {"loop": "ready"})
+        assert receive_json(there) == {"loop": "ready"}
+        while send_json(here, {"fill": "x" * 1000}):  # nobody reads: refused instead of waiting
+            pass
+    gone, end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    gone.close()
+    with end:
+        assert receive_json(end) == {}
+        assert not send_json(end, {"anyone": "there"})
+
+
+def test_notify_speaks_to_systemd(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind(b"\0seod-test-notify-%d" % os.getpid())
+        monkeypatch.setenv("NOTIFY_SOCKET", f"@seod-test-notify-{os.getpid()}")
+        sdnotify.notify("READY=1\nSTATUS=running")
+        assert listener.recv(100) == b"READY=1\nSTATUS=running"
+    sdnotify.notify("WATCHDOG=1")  # systemd is gone: nothing happens
+    monkeypatch.delenv("NOTIFY_SOCKET")
+    sdnotify.notify("WATCHDOG=1")
+
+
+def test_watchdog_is_fed_four_times_in_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WATCHDOG_USEC", "2000000")
+    assert sdnotify.watchdog_interval() == 0.5
+    monkeypatch.delenv("WATCHDOG_USEC")
+    assert sdnotify.watchdog_interval() == float("inf")
+
+
+def test_arguments_are_plain_json() -> None:
+    assert json.loads(arguments().command("m")[3])["rows"] == 1024
