@@ -126,7 +126,7 @@ class Driver(ABC):
 
     @abstractmethod
     def write(self, t: float, values: Sequence[float]) -> float:
-        """Send one value for each output, never blocking; returns when they left, in s, nan if they did not."""
+        """Send one value for each output, never blocking; returns when they left, in s, or nan."""
 
     def left(self) -> float:
         """When the last write really left, in s, as the hardware confirmed it; nan where it cannot tell."""

@@ -6,7 +6,7 @@ Pure: no sockets, no clocks. The simulated rig uses the same codec from the othe
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cantools.database import Error as CantoolsError
 
@@ -54,11 +54,13 @@ class CanCodec:
 
     def __init__(self, options: CanOptions) -> None:
         database = load_database(options.dbc)
-        problems = message_problems(options.dbc, options.messages)
+        problems = message_problems(options.dbc, options.node, options.messages)
         if problems:
             raise CodecError("; ".join(problems))
-        self.node = options.node
-        self.layouts = {m.name: Layout(m, options.messages.get(m.name)) for m in database.messages}
+        self.layouts = {
+            message.name: Layout(message, options.node, options.messages.get(message.name))
+            for message in database.messages
+        }
         self._by_id = {
             (layout.message.frame_id, layout.message.is_extended_frame): layout
             for layout in self.layouts.values()
@@ -111,7 +113,7 @@ class CanCodec:
             return f"{layout.name}.{name}: cannot send {value}"
         return f"{layout.name}: {unknown('signal', name, list(layout.signals))}"
 
-    def decode(self, frame_id: int, extended: bool, data: bytes) -> Decoded:
+    def decode(self, frame_id: int, extended: bool, data: bytes | bytearray) -> Decoded:
         """The content of one frame.
 
         Raises:
@@ -124,7 +126,9 @@ class CanCodec:
         if len(data) not in layout.lengths:
             raise WrongLengthError(f"{layout.name} has {layout.message.length} bytes, the frame {len(data)}")
         try:
-            content: Any = layout.message.decode_simple(data[: layout.message.length], decode_choices=False)
+            content: Any = layout.message.decode_simple(
+                bytes(data[: layout.message.length]), decode_choices=False
+            )
         except CantoolsError as error:  # a multiplexer value that the DBC does not know
             raise UnknownFrameError(f"{layout.name} cannot be decoded: {error}") from error
         values: Mapping[str, float] = content
@@ -136,11 +140,8 @@ class CanCodec:
         """Each signal of the DBC that carries a quantity, as `Message.Signal`."""
         found = []
         for layout in self.layouts.values():
-            direction: Literal["input", "output"] = (
-                "output" if self.node in layout.message.senders else "input"
-            )
             for signal in layout.carries():
                 lowest, highest = layout.ranges[signal.name]
                 name = f"{layout.name}.{signal.name}"
-                found.append(Channel(name, direction, signal.unit or "", lowest, highest))
+                found.append(Channel(name, layout.direction, signal.unit or "", lowest, highest))
         return tuple(found)

@@ -134,8 +134,8 @@ class CanOptions(_Section):
     def _check_messages(
         cls, value: dict[str, MessageOptions], info: ValidationInfo
     ) -> dict[str, MessageOptions]:
-        if "dbc" in info.data:
-            problems = can_dbc.message_problems(info.data["dbc"], value)
+        if "dbc" in info.data and "node" in info.data:
+            problems = can_dbc.message_problems(info.data["dbc"], info.data["node"], value)
             if problems:
                 raise ValueError("; ".join(problems))
         return value

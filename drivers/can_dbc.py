@@ -6,7 +6,7 @@ import math
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import cantools
 from cantools.database import Error as CantoolsError
@@ -29,6 +29,8 @@ COUNTER_NAME = "counter"
 CHECKSUM_NAME = "checksum"
 CHECKSUM_ATTRIBUTE = "ChecksumKind"
 MAX_COUNTER_BITS = 16
+MAX_COMMAND_COUNTER_BITS = 8
+"""The supervisor must be able to send neutral with every value of the counter at once."""
 
 
 class CodecError(DriverError):
@@ -72,14 +74,14 @@ def check_node(path: str, node: str) -> None:
         raise ValueError(unknown("node", node, known))
 
 
-def message_problems(path: str, options: Mapping[str, MessageOptions]) -> list[str]:
+def message_problems(path: str, node: str, options: Mapping[str, MessageOptions]) -> list[str]:
     """What is wrong with the `messages:` of a rig file, and with counters and checksums of the DBC itself."""
     database = load_database(path)
     known = {message.name: message for message in database.messages}
     problems = [unknown("message", name, list(known)) for name in options if name not in known]
     for name, message in known.items():
         try:
-            Layout(message, options.get(name))
+            Layout(message, node, options.get(name))
         except CodecError as error:
             problems.append(str(error))
     return problems
@@ -91,6 +93,7 @@ class Layout:
     Attributes:
         name: Name in the DBC.
         message: The cantools message.
+        direction: `output` if our node sends it.
         length: Bytes on the wire: the DBC's, padded to a length that an FD frame can have.
         counter: Name of the counter signal or None; `period` is the number of its values.
         rate_hz: Nominal rate, None where unknown.
@@ -99,9 +102,10 @@ class Layout:
         CodecError: Signals that do not exist or cannot serve.
     """
 
-    def __init__(self, message: Message, options: MessageOptions | None) -> None:
+    def __init__(self, message: Message, node: str, options: MessageOptions | None) -> None:
         self.message = message
         self.name = message.name
+        self.direction: Literal["input", "output"] = "output" if node in message.senders else "input"
         self.length = next(length for length in FD_LENGTHS if length >= message.length)
         self.lengths = (message.length, self.length)
         self.signals = {signal.name: signal for signal in message.signals}
@@ -126,10 +130,11 @@ class Layout:
             return 0
         signal = self.signals[self.counter]
         plain = signal.scale == 1 and signal.offset == 0 and not signal.is_signed and not signal.is_float
-        if not plain or not 2 <= signal.length <= MAX_COUNTER_BITS:
+        longest = MAX_COMMAND_COUNTER_BITS if self.direction == "output" else MAX_COUNTER_BITS
+        if not plain or not 2 <= signal.length <= longest:
             raise CodecError(
                 f"{self.name}.{self.counter} cannot count frames: expected an unsigned signal of 2 to "
-                f"{MAX_COUNTER_BITS} bits with scale 1 and offset 0"
+                f"{longest} bits with scale 1 and offset 0"
             )
         return 1 << signal.length
 

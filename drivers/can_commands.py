@@ -1,0 +1,110 @@
+"""Command frames: how many may wait for the bus, and which of them have left. Does no input or output.
+
+A frame is in flight from `send` until the interface hands it back as sent. While too many are in flight
+nothing more is queued, and only the newest command is remembered: after a stop no stale command can leave.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import can
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.can_codec import CanCodec
+
+
+class CommandFrame:
+    """One message that is written.
+
+    Attributes:
+        message: The python-can message, used again for each frame.
+        period: Number of values of its sequence counter, 0 for none.
+        sent: Frames sent so far; the sequence counter goes with it.
+        confirmed_at: When the last confirmed frame left [s]; nan before the first.
+        waiting: Newest values that could not be sent; None for none.
+
+    Args:
+        codec: Of the DBC.
+        name: Message in the DBC.
+        signals: Signals written, each with its place in the values.
+        bit_rate_switch: Send FD frames with the faster data phase.
+        echo: Whether the interface hands frames back; without, nothing is ever in flight.
+    """
+
+    def __init__(
+        self,
+        codec: CanCodec,
+        name: str,
+        signals: Sequence[tuple[str, int]],
+        bit_rate_switch: bool,
+        echo: bool,
+    ) -> None:
+        layout = codec.layout(name)
+        dbc = layout.message
+        self.message = can.Message(
+            arbitration_id=dbc.frame_id,
+            is_extended_id=dbc.is_extended_frame,
+            is_fd=dbc.is_fd,
+            bitrate_switch=dbc.is_fd and bit_rate_switch,
+            is_rx=False,
+        )
+        self.period = layout.period
+        self.sent = 0
+        self.confirmed_at = math.nan
+        self.waiting: Sequence[float] | None = None
+        self._in_flight: deque[tuple[bytes, float]] = deque()
+        self._codec = codec
+        self._name = name
+        self._signals = signals
+        self._echo = echo
+
+    def encode(self, values: Sequence[float], counter: int) -> bytes:
+        """Data of the frame for the outputs' values.
+
+        Raises:
+            CodecError: A value is not finite.
+        """
+        return self._codec.encode(self._name, {name: values[at] for name, at in self._signals}, counter)
+
+    def load(self, values: Sequence[float]) -> can.Message:
+        """The next frame."""
+        data = self.encode(values, self.sent)
+        self.message.data = data  # type: ignore[assignment]  # python-can only ever reads it; bytes are cheaper
+        self.message.dlc = len(data)
+        return self.message
+
+    def mark_sent(self, t: float) -> None:
+        """The loaded frame was taken by the interface at `t`."""
+        self.sent += 1
+        self.waiting = None
+        if self._echo:
+            self._in_flight.append((bytes(self.message.data), t))
+
+    def confirm(self, data: bytes | bytearray, t: float) -> bool:
+        """A frame with this identifier was on the bus at `t`; False if it is none of those in flight."""
+        for position, (sent, _) in enumerate(self._in_flight):
+            if sent == data:
+                for _ in range(position + 1):  # the bus keeps their order: earlier ones have left, too
+                    self._in_flight.popleft()
+                self.confirmed_at = t
+                return True
+        return False
+
+    @property
+    def in_flight(self) -> int:
+        """Frames sent and not yet confirmed."""
+        return len(self._in_flight)
+
+    def overdue(self, t: float, timeout: float) -> bool:
+        """Whether a frame has been in flight for longer than `timeout` s."""
+        return bool(self._in_flight) and t - self._in_flight[0][1] > timeout
+
+    def forget(self) -> None:
+        """The interface has dropped what it held, or nothing of it shall follow."""
+        self._in_flight.clear()
+        self.waiting = None

@@ -1,0 +1,143 @@
+"""Neutral commands from a process that has nothing of the driver but its recipe (`Driver.neutral_recipe`).
+
+The supervisor uses it when the loop has died or hangs. Standard library only, and nothing ever blocks.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import struct
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+CAN_EFF_FLAG = 0x80000000
+CANFD_BRS, CANFD_FDF = 0x01, 0x04
+CLASSIC, FLEXIBLE = struct.Struct("=IB3x8s"), struct.Struct("=IBB2x64s")  # can_frame, canfd_frame
+GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
+
+
+class NeutralWriter(Protocol):
+    """Writes neutral to one rig."""
+
+    def write(self, commands_sent: int) -> str:
+        """Send neutral now.
+
+        Args:
+            commands_sent: Command frames that the loop had sent; the sequence counter goes on from there.
+
+        Returns:
+            "" if it was sent, else why not.
+        """
+
+    def close(self) -> None:
+        """Give the connection back; may be called twice."""
+
+
+class NoNeutral:
+    """For rigs that no other process can reach."""
+
+    def __init__(self, why: str) -> None:
+        self.why = why
+
+    def write(self, commands_sent: int) -> str:  # noqa: ARG002 - part of the protocol
+        """Nothing but the reason why not."""
+        return self.why
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class SocketcanNeutral:
+    """Neutral frames over an own raw socket.
+
+    The whole cycle of sequence counters is sent, beginning with the next: whichever the rig expects is among
+    the first, also if the loop died between sending a frame and counting it.
+    """
+
+    def __init__(self, channel: str, fd: bool, cycle: list[list[bytes]]) -> None:
+        self.channel = channel
+        self.fd = fd
+        self.cycle = cycle
+        self.socket: socket.socket | None = None
+        self._open()
+
+    def _open(self) -> str:
+        try:
+            self.socket = _raw_socket(self.channel, self.fd)
+        except OSError as error:
+            return f"{self.channel}: {error.strerror}"
+        return ""
+
+    def write(self, commands_sent: int) -> str:
+        """Send the cycle; an interface that was deleted and has come back is taken again."""
+        for _ in range(2):
+            why = "" if self.socket is not None else self._open()
+            if self.socket is None:
+                return why
+            try:
+                return self._send_cycle(self.socket, commands_sent)
+            except OSError as error:
+                if error.errno not in GONE:
+                    return f"{self.channel}: {error.strerror}"
+                self.close()
+        return f"{self.channel} is gone"
+
+    def _send_cycle(self, raw: socket.socket, commands_sent: int) -> str:
+        length = len(self.cycle)
+        for sent in range(length):
+            for frame in self.cycle[(commands_sent + sent) % length]:
+                try:
+                    raw.send(frame)
+                except OSError as error:
+                    if error.errno in (errno.ENOBUFS, errno.EAGAIN):
+                        return (
+                            f"{self.channel}: only {sent} of {length} neutral frames found room in the queue"
+                        )
+                    raise
+        return ""
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self.socket is not None:
+            self.socket.close()
+            self.socket = None
+
+
+def _raw_socket(channel: str, fd: bool) -> socket.socket:
+    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.CAN_RAW)
+    try:
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")  # it never reads
+        if fd:
+            raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        raw.bind((channel,))
+    except OSError:
+        raw.close()
+        raise
+    return raw
+
+
+def pack_frame(frame: Mapping[str, Any]) -> bytes:
+    """One frame of a recipe as the kernel's `struct can_frame` or `struct canfd_frame`."""
+    identifier = frame["id"] | (CAN_EFF_FLAG if frame["extended"] else 0)
+    data = bytes.fromhex(frame["data"])
+    if frame["fd"]:
+        flags = CANFD_FDF | (CANFD_BRS if frame["bit_rate_switch"] else 0)
+        return FLEXIBLE.pack(identifier, len(data), flags, data)
+    return CLASSIC.pack(identifier, len(data), data)
+
+
+def open_neutral(recipe: Mapping[str, Any]) -> NeutralWriter:
+    """The writer for a recipe; an interface that is not there yet is tried again at each write.
+
+    Raises:
+        ValueError: A kind of recipe that is not known.
+    """
+    if recipe["kind"] == "none":
+        return NoNeutral(recipe["why"])
+    if recipe["kind"] != "socketcan":
+        raise ValueError(f"unknown neutral recipe {recipe['kind']!r}")
+    cycle = [[pack_frame(frame) for frame in frames] for frames in recipe["frames"]]
+    return SocketcanNeutral(recipe["channel"], recipe["fd"], cycle)
