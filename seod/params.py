@@ -1,0 +1,97 @@
+"""The parameters that each method of the protocol takes, checked strictly, and errors that name them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from seod.protocol import INVALID_PARAMS, RpcError, hint
+
+TOPICS = ("estimate", "sample", "event", "health")
+Topic = Literal["estimate", "sample", "event", "health"]
+
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Params(BaseModel):
+    """Parameters by name; this one takes none."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class AxisParams(Params):
+    """`axis`: left out means all axes for commands, and the only one for `get` and `set`."""
+
+    axis: str | None = None
+
+
+class EstopParams(Params):
+    """None; and none that is given by mistake keeps an e-stop from being carried out."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class SubscribeParams(Params):
+    """What to send: `axes` left out means all, `rate_hz` left out means everything."""
+
+    topics: Annotated[list[Topic], Field(min_length=1)]
+    axes: Annotated[list[str], Field(min_length=1)] | None = None
+    rate_hz: _Positive | None = None
+    """At most this many samples and estimates a second, for each axis."""
+
+
+class UnsubscribeParams(Params):
+    """The number that `subscribe` gave."""
+
+    subscription: int
+
+
+class SetParams(AxisParams):
+    """New values: e_a, bias [V] and hysteresis [axis unit] of the relay; K_L and method of the estimator."""
+
+    e_a: _Positive | None = None
+    hysteresis: _NonNegative | None = None
+    bias: _Finite | None = None
+    K_L: _Positive | None = None
+    method: str | None = None
+
+    def values(self) -> dict[str, Any]:
+        """Those that were given."""
+        return self.model_dump(exclude={"axis"}, exclude_none=True)
+
+
+class AuthenticateParams(Params):
+    """`token`: one of the rig file's."""
+
+    token: str
+
+
+P = TypeVar("P", bound=Params)
+
+
+def read_params(model: type[P], params: object) -> P:
+    """Check parameters.
+
+    Raises:
+        RpcError: INVALID_PARAMS; the message names each wrong parameter and what would be right.
+    """
+    if not isinstance(params, dict):
+        raise RpcError(INVALID_PARAMS, 'params go by name: {"axis": ...}')
+    try:
+        return model.model_validate(params)
+    except ValidationError as error:
+        sentences = [_sentence(dict(each), model) for each in error.errors(include_url=False)]
+        raise RpcError(INVALID_PARAMS, "; ".join(sentences[:5])) from None
+
+
+def _sentence(error: dict[str, Any], model: type[Params]) -> str:
+    name = ".".join(str(part) for part in error["loc"])[:60]
+    if error["type"] == "missing":
+        return f"{name}: required"
+    if error["type"] == "extra_forbidden":
+        return f"{name}: no such parameter{hint(name, model.model_fields) if model.model_fields else ''}"
+    what = str(error["msg"]).removeprefix("Input ")
+    return f"{name}: {what}, got {repr(error['input'])[:40]}"

@@ -1,0 +1,178 @@
+"""Recording to CSV, in a thread of its own: a slow or full disk costs rows of the file, never anything else.
+
+One header line, then one line a tick. For each axis: `t` [s] when `y` was sampled, `y` [axis unit], `u` [V],
+`t_u` [s] when `u` left, `reference`, `e_a` [V], `bias` [V], `signal` (the relay's input), `state`, `flags`
+(`seod.ring.FLAG_*`). With several axes each column carries its axis: `motor.t`, `motor.y`, ..., so that
+`--columns t=motor.t,y=motor.y,u=motor.u` selects one. `tick` counts ticks; `t_tick` [s] is when they began.
+
+A tick without a new sample has an empty `y`, and as `t` when the sample would have been taken. Numbers have
+all their digits; what is undefined is empty.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import queue
+import stat
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+COLUMNS = ("t", "y", "u", "t_u", "reference", "e_a", "bias", "signal", "state", "flags")
+_ORDER = [AXIS_FIELDS.index(name) for name in COLUMNS[1:-2]]
+_T, _Y = AXIS_FIELDS.index("t"), AXIS_FIELDS.index("y")
+_STATES = {int(state): state.name.lower() for state in AxisState}
+
+BATCH_S = 0.2
+"""How often rows are written [s]; nothing is kept back after that."""
+WAITING_ROWS = 100_000
+"""Rows that may wait for a slow disk; further ones are dropped and counted."""
+CLOSE_S = 2.0
+
+
+def header(axes: Sequence[str]) -> str:
+    """The first line, with its end."""
+    names = [f"{axis}.{name}" if len(axes) > 1 else name for axis in axes for name in COLUMNS]
+    return ",".join([*names, "tick", "t_tick"]) + "\n"
+
+
+class CsvLines:
+    """Turns rows into lines."""
+
+    def __init__(self, axes: int) -> None:
+        self._last = [(math.nan, math.nan)] * axes
+
+    def lines(self, rows: NDArray[np.void]) -> str:
+        """One line for each row (dtype `seod.rows.row_dtype`)."""
+        parts = []
+        for tick, t_tick, axes in rows.tolist():
+            cells = [self._cells(index, t_tick, axis) for index, axis in enumerate(axes)]
+            parts.append(f"{','.join(cells)},{tick},{t_tick!r}\n")
+        return "".join(parts)
+
+    def _cells(self, index: int, t_tick: float, axis: tuple[Any, ...]) -> str:
+        *_, state, flags = axis
+        t, values = axis[_T], [axis[column] for column in _ORDER]
+        if flags & FLAG_FRESH:
+            self._last[index] = (t, t_tick)
+        else:
+            t_sample, t_then = self._last[index]
+            t, values[0] = t_sample + t_tick - t_then, math.nan
+        numbers = [repr(x) if math.isfinite(x) else "" for x in (t, *values)]
+        return f"{','.join(numbers)},{_STATES[state]},{flags}"
+
+
+class CsvFile:
+    """An unbuffered file that takes whole pieces or nothing, so that it never ends in half a line.
+
+    A regular file that has content already is kept as `NAME~`.
+
+    Raises:
+        OSError: It cannot be opened, or, from `write`, not be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.is_file() and path.stat().st_size:
+            path.replace(path.with_name(path.name + "~"))
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._regular = stat.S_ISREG(os.fstat(self._fd).st_mode)
+        self._size = 0
+
+    def write(self, text: str) -> None:
+        """Append."""
+        data = memoryview(text.encode("ascii"))
+        if self._regular and os.fstat(self._fd).st_nlink == 0:
+            raise FileNotFoundError("the file was deleted")
+        try:
+            while data:
+                data = data[os.write(self._fd, data) :]
+        except OSError:
+            if self._regular:
+                os.ftruncate(self._fd, self._size)
+                os.lseek(self._fd, self._size, os.SEEK_SET)
+            raise
+        self._size += len(text)
+
+    def close(self) -> None:
+        """Close."""
+        os.close(self._fd)
+
+
+class CsvRecorder:
+    """Takes rows from the gateway and writes them in its own thread.
+
+    Args:
+        path: Where to.
+        axes: Names of the axes.
+
+    Raises:
+        OSError: The file cannot be opened, or not even its header be written.
+    """
+
+    def __init__(self, path: Path, axes: Sequence[str]) -> None:
+        self.error = ""
+        """Why rows are not being written at present."""
+        self._path = path
+        self._lines = CsvLines(len(axes))
+        self._file = CsvFile(path)
+        self._file.write(header(axes))
+        self._queue: queue.SimpleQueue[NDArray[np.void]] = queue.SimpleQueue()
+        self._taken = self._written = self._failed = self._refused = 0
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """Rows that are not yet written."""
+        return self._taken - self._written - self._failed
+
+    def add(self, rows: NDArray[np.void]) -> None:
+        """Take rows (dtype `seod.rows.row_dtype`) to be written soon; never waits."""
+        if self.waiting + len(rows) > WAITING_ROWS:
+            self._refused += len(rows)
+            return
+        self._taken += len(rows)
+        self._queue.put(rows)
+
+    def report(self) -> dict[str, Any]:
+        """For `health`: file, rows written, rows lost, and what is wrong (null if nothing is)."""
+        lost = self._failed + self._refused
+        return {"file": str(self._path), "rows": self._written, "lost": lost, "error": self.error or None}
+
+    def close(self) -> None:
+        """Write what waits and end; a disk that hangs is not waited for."""
+        self._end.set()
+        self._thread.join(CLOSE_S)
+        if not self._thread.is_alive():
+            self._file.close()
+
+    def _run(self) -> None:
+        ended = False
+        while not ended:
+            ended = self._end.wait(BATCH_S)
+            pieces = []
+            while not self._queue.empty():
+                pieces.append(self._queue.get())
+            if pieces:
+                self._write(np.concatenate(pieces))
+
+    def _write(self, rows: NDArray[np.void]) -> None:
+        try:
+            self._file.write(self._lines.lines(rows))
+        except OSError as error:
+            self._failed += len(rows)
+            self.error = f"{self._path} cannot be written: {error.strerror or error}"
+        else:
+            self._written += len(rows)
+            self.error = ""

@@ -1,0 +1,264 @@
+"""The rig as the gateway knows it: takes events and rows out of shared memory, answers and publishes.
+
+Nothing here waits: `poll` takes what there is. Time is that of the rows, handed in as `clock`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from seod import PROTOCOL, __version__
+from seod.config.truth import truth
+from seod.estimation import Axis, message, sample_message
+from seod.health import Health
+from seod.mailbox import Mailbox
+from seod.record import WAITING_ROWS, CsvRecorder
+from seod.rows import RowReader
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from seod.config.model import RigConfig
+    from seod.estimate.base import Estimate, Estimator, EstimatorSettings
+    from seod.estimation import RowTuple
+    from seod.hub import Hub
+    from seod.ring import Shared
+
+    Event = dict[str, Any]
+
+HEALTH_S = 1.0
+SILENCE_S = 0.5
+"""Without rows for this long, estimates are stale."""
+STATES = ("fault", "exciting", "holding", "armed", "idle")
+"""The rig's state is the first of these that any axis is in."""
+
+
+class Rig:
+    """State of all axes, and what there is to say about them.
+
+    Args:
+        config: The rig file.
+        shared: The memory shared with the loop.
+        hub: Where messages are published.
+        make: Makes an estimator.
+        clock: Time of the rows [s]: CLOCK_MONOTONIC, or simulated time.
+        restart_loop: Asks the supervisor for a new loop process.
+        recorder: Takes all rows, or None.
+    """
+
+    def __init__(
+        self,
+        config: RigConfig,
+        shared: Shared,
+        hub: Hub,
+        make: Callable[[EstimatorSettings], Estimator],
+        clock: Callable[[], float],
+        restart_loop: Callable[[], None],
+        recorder: CsvRecorder | None = None,
+    ) -> None:
+        period = 1.0 / config.loop.rate_hz
+        self.now = clock
+        self.axes = {name: Axis(name, axis, period, make) for name, axis in config.axes.items()}
+        self.mailbox = Mailbox(shared.commands, restart_loop)
+        self.clients: Callable[[], dict[str, Any]] = dict
+        """Tells about the clients in `health`; the server sets it."""
+        self._config = config
+        self._truth = truth(config) or None
+        self._shared = shared
+        self._hub = hub
+        self._recorder = recorder
+        self._record_error = ""
+        self._reader = RowReader(shared)
+        self._rows_lost = 0
+        self._health = Health(shared)
+        self._started: Event = {"realtime": {"ok": False, "why": ["the loop has not started yet"]}}
+        self._last_rows = self._next_health = clock()
+
+    def poll(self) -> None:
+        """Take events and rows, publish what they bring."""
+        for event in self._events():
+            self._on_event(event)
+        now = self.now()
+        rows = None if self._held_back() else self._reader.take()
+        if rows is not None and len(rows):
+            self._last_rows = now
+            self._on_rows(rows)
+        elif now - self._last_rows > SILENCE_S:
+            self._note_silence()
+        self._note_recorder()
+        if now >= self._next_health:
+            self._next_health = now + HEALTH_S
+            self._health.measure(now)
+            self._hub.publish("health", None, now, self.health)
+        self._hub.flush()
+
+    def _held_back(self) -> bool:
+        """Simulated time waits for who takes its rows, so that the recorder can be waited for as well."""
+        if self._recorder is None or self._config.driver.get("realtime") is not False:
+            return False
+        return self._recorder.waiting > WAITING_ROWS // 2
+
+    def _events(self) -> Iterator[Event]:
+        try:
+            yield from self._shared.events.take()
+        except ValueError:  # overwritten while it was read; the ring counts it as lost, rows tell the state
+            return
+
+    def _on_event(self, event: Event) -> None:
+        kind, axis = event["event"], self.axes.get(event.get("axis") or "")
+        if kind == "reply":
+            self.mailbox.answered(event)
+            return
+        if kind == "started":
+            self._on_started(event)
+        elif kind == "fault":
+            self._fail(event)
+        elif kind == "state" and axis is not None:
+            axis.enter(event["t"], event["state"])
+        elif kind == "changed" and axis is not None:
+            axis.change(event["values"])
+        self._publish_event(event)
+
+    def _on_started(self, event: Event) -> None:
+        if self.mailbox.loop_started(event["generation"]):
+            self._started = event
+            for axis in self.axes.values():
+                axis.restarted(event["t"])
+
+    def _fail(self, event: Event) -> None:
+        for axis in self.axes.values():  # the loop latches them all, whichever was the cause
+            axis.fail(event)
+            self._publish_newest(axis)
+
+    def _on_rows(self, rows: NDArray[np.void]) -> None:
+        if self._recorder is not None:
+            self._recorder.add(rows)
+        self._note_lost()
+        ticks = rows["tick"].tolist()
+        for index, axis in enumerate(self.axes.values()):
+            block: list[RowTuple] = rows["axes"][:, index].tolist()
+            if self._hub.wanted("sample", axis.name):
+                for tick, row in zip(ticks, block, strict=True):
+                    self._publish_sample(axis.name, tick, row)
+            for estimate in self._estimates(axis, block):
+                self._publish_estimate(axis.name, estimate)
+            axis.reconcile(float(rows["tick_t"][-1]), block[-1][-2])
+
+    def _estimates(self, axis: Axis, block: list[RowTuple]) -> list[Estimate]:
+        try:
+            return axis.feed(block)
+        except (ValueError, ArithmeticError) as error:
+            self._warn("estimator", f"{axis.name}: the estimator began anew: {error}", axis.name)
+            return []
+
+    def _note_lost(self) -> None:
+        lost = self._reader.lost - self._rows_lost
+        if lost:
+            self._rows_lost += lost
+            for axis in self.axes.values():
+                axis.interrupted()
+            self._warn("rows_lost", f"{lost} rows were overwritten before the gateway could take them")
+
+    def _note_silence(self) -> None:
+        for axis in self.axes.values():
+            if not axis.stale:
+                axis.stale = True
+                self._publish_newest(axis)
+
+    def _note_recorder(self) -> None:
+        error = "" if self._recorder is None else self._recorder.error
+        if error != self._record_error:
+            self._record_error = error
+            self._warn("recording", error or "recording goes on")
+
+    def _publish_event(self, event: Event) -> None:
+        self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
+
+    def _publish_sample(self, axis: str, tick: int, row: RowTuple) -> None:
+        self._hub.publish("sample", axis, row[0], lambda: sample_message(axis, tick, row))
+
+    def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
+        self._hub.publish("estimate", axis, estimate.t, lambda: message(axis, estimate, self.now()))
+
+    def _publish_newest(self, axis: Axis) -> None:
+        newest = axis.newest(self.now())
+        if newest is not None:
+            self._hub.publish("estimate", axis.name, self.now(), lambda: newest)
+
+    def _warn(self, code: str, why: str, axis: str | None = None) -> None:
+        self._publish_event({"event": "warning", "t": self.now(), "axis": axis, "code": code, "why": why})
+
+    def loop_died(self, death: Event) -> None:
+        """The supervisor says that the loop process has died, and what became of the neutral command."""
+        self.poll()  # what the loop still said comes first
+        self._reader.restart()
+        why = f"{death['why']}; {death['neutral']}"
+        self.mailbox.loop_died(death["generation"], why)
+        fault = {
+            "event": "fault",
+            "t": death["t"],
+            "axis": None,
+            "code": "loop_died",
+            "why": why,
+            "numbers": {},
+        }
+        self._fail(fault)
+        self._publish_event(fault)
+        self._hub.flush()
+
+    async def reset(self) -> None:
+        """Leave the fault; where the loop has died, have a new one started and wait until it ticks.
+
+        Raises:
+            RpcError: Refused, or the new loop does not come up.
+        """
+        if self.mailbox.dead_why:
+            await self.mailbox.restart()
+        else:
+            await self.mailbox.post("reset", None)
+
+    def info(self) -> dict[str, Any]:
+        """The answer to `info`; `truth` is null for a real rig."""
+        return {
+            "version": __version__,
+            "protocol": PROTOCOL,
+            "rig": self._config.rig,
+            "axes": list(self.axes),
+            "realtime": self._realtime(),
+            "simulated": self._config.simulation is not None,
+            "truth": self._truth,
+            "driver": self._config.driver["kind"],
+            "rate_hz": self._config.loop.rate_hz,
+            "state": min((axis.state for axis in self.axes.values()), key=STATES.index),
+        }
+
+    def status(self) -> dict[str, Any]:
+        """The answer to `status`: everything at once."""
+        axes = {name: axis.whole(self.now()) for name, axis in self.axes.items()}
+        return {**self.info(), "axes": axes, "health": self.health()}
+
+    def _realtime(self) -> dict[str, Any]:
+        dead = self.mailbox.dead_why
+        realtime: dict[str, Any] = {"ok": False, "why": [dead]} if dead else self._started["realtime"]
+        return realtime
+
+    def health(self) -> dict[str, Any]:
+        """The `health` message."""
+        return {
+            **self._health.loop(self.now(), self._started.get("counters", [])),
+            "rows_lost": self._reader.lost,
+            "events_lost": self._shared.events.lost,
+            "clients": self.clients(),
+            "recorder": None if self._recorder is None else self._recorder.report(),
+            "realtime": self._realtime(),
+        }
+
+    def close(self) -> None:
+        """Take the last rows, end the recording, let go of the memory."""
+        self.poll()
+        self._reader.close()
+        if self._recorder is not None:
+            self._recorder.close()

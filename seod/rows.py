@@ -1,0 +1,68 @@
+"""The gateway's end of the row ring: whole rows out of memory that the loop keeps overwriting."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seod.ring import AXIS_FIELDS, Word
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from seod.ring import Shared
+
+MAX_ROWS = 1024
+"""Most rows taken at once, so that catching up never holds up the clients."""
+
+
+def row_dtype(axes: int) -> np.dtype[np.void]:
+    """`Shared.row_struct` as a structured type: tick, tick_t [s], and one `axes` record for each axis."""
+    axis = [(name, "<f8") for name in AXIS_FIELDS] + [("state", "<i8"), ("flags", "<i8")]
+    return np.dtype([("tick", "<i8"), ("tick_t", "<f8"), ("axes", axis, (axes,))])
+
+
+class RowReader:
+    """Takes rows in order; `lost` counts those that were overwritten before they could be taken."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._ring = shared.row_ring
+        self._words = shared.words
+        self._ring.tail = shared.words[Word.CONSUMED]  # where an earlier gateway ended
+        self._slots = np.frombuffer(self._ring.data, row_dtype(shared.axes), count=shared.rows)
+        self._torn = 0
+        self._last_tick = -1
+
+    @property
+    def lost(self) -> int:
+        """Rows lost since the start."""
+        return self._ring.lost + self._torn
+
+    def restart(self) -> None:
+        """A new loop process begins: its ticks may count from anywhere."""
+        self._last_tick = -1
+
+    def take(self) -> NDArray[np.void]:
+        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,)."""
+        tail, head = self._ring.pending()
+        head = min(head, tail + MAX_ROWS)
+        rows = self._slots[np.arange(tail, head) % len(self._slots)]
+        self._ring.tail = head
+        self._words[Word.CONSUMED] = head
+        return self._whole(rows, tail)
+
+    def _whole(self, rows: NDArray[np.void], tail: int) -> NDArray[np.void]:
+        """Without the rows that the loop overwrote while they were copied: their ticks are out of order."""
+        overwritten = max(0, self._ring.head[0] - len(self._slots) + 1 - tail)
+        whole = rows[overwritten:]
+        ticks = np.concatenate(([self._last_tick], whole["tick"]))
+        whole = whole[ticks[1:] > np.maximum.accumulate(ticks)[:-1]]
+        self._torn += len(rows) - len(whole)
+        if len(whole):
+            self._last_tick = int(whole["tick"][-1])
+        return whole
+
+    def close(self) -> None:
+        """Let go of the memory, so that it can be unmapped."""
+        self._slots = np.empty(0, self._slots.dtype)

@@ -1,0 +1,222 @@
+"""The protocol's methods: who may call them, what they take and what they answer."""
+
+from __future__ import annotations
+
+import hmac
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from seod.config.model import EstimatorConfig
+from seod.estimation import LOOP_SETTINGS
+from seod.params import (
+    TOPICS,
+    AuthenticateParams,
+    AxisParams,
+    EstopParams,
+    Params,
+    SetParams,
+    SubscribeParams,
+    UnsubscribeParams,
+    read_params,
+)
+from seod.protocol import BUSY, INVALID_PARAMS, UNAUTHORISED, Refusal, Request, RpcError, hint, unknown_method
+from seod.ring import bin_edges_us
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    from seod.config.model import ServerConfig
+    from seod.estimation import Axis
+    from seod.hub import Hub, Sink
+    from seod.rig import Rig
+
+Result = dict[str, Any]
+Right = Literal["none", "read", "command"]
+MAX_SUBSCRIPTIONS = 16
+ESTIMATORS: tuple[str, ...] = get_args(EstimatorConfig.model_fields["method"].annotation)
+
+
+@dataclass(eq=False, slots=True)
+class Session:
+    """One client: its way out, what it may do, and how often it gave a wrong token."""
+
+    sink: Sink
+    may_read: bool
+    may_command: bool
+    wrong_tokens: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One method: the right it needs, its parameters, and what it does at once or after a while."""
+
+    right: Right
+    params: type[Params]
+    call: Callable[[Session, Any], Result | Awaitable[Result]]
+
+
+class Service:
+    """Answers requests about one rig."""
+
+    def __init__(self, config: ServerConfig, rig: Rig, hub: Hub) -> None:
+        self._config = config
+        self._rig = rig
+        self._hub = hub
+        self.methods: dict[str, Method] = {
+            "info": Method("read", Params, lambda *_: rig.info()),
+            "list": Method("read", Params, self._list),
+            "status": Method("read", Params, lambda *_: rig.status()),
+            "get": Method("read", AxisParams, self._get),
+            "subscribe": Method("read", SubscribeParams, self._subscribe),
+            "unsubscribe": Method("read", UnsubscribeParams, self._unsubscribe),
+            "authenticate": Method("none", AuthenticateParams, self._authenticate),
+            "set": Method("command", SetParams, self._set),
+            "start": Method("command", AxisParams, self._command("start")),
+            "stop": Method("command", AxisParams, self._command("stop")),
+            "estop": Method("command", EstopParams, self._command("estop")),
+            "reset": Method("command", AxisParams, self._reset),
+            "keepalive": Method("command", Params, self._command("keepalive")),
+        }
+
+    def session(self, sink: Sink) -> Session:
+        """A new client; without tokens in the rig file it may do everything."""
+        free = not self.needs_token()
+        return Session(sink, free, free)
+
+    def needs_token(self) -> bool:
+        """Whether clients must authenticate."""
+        return self._config.read_token is not None or self._config.command_token is not None
+
+    def takes_time(self, request: Request | Refusal) -> bool:
+        """Whether the answer to a request has to be waited for."""
+        method = self.methods.get(request.method) if isinstance(request, Request) else None
+        return method is not None and method.right == "command"
+
+    def call(self, session: Session, request: Request) -> Result | Awaitable[Result]:
+        """Carry out a request; commands to the loop take time.
+
+        Raises:
+            RpcError: It cannot be done; says why.
+        """
+        method = self.methods.get(request.method)
+        if method is None:
+            raise unknown_method(request.method, self.methods)
+        self._check_right(session, method.right)
+        return method.call(session, read_params(method.params, request.params))
+
+    def _check_right(self, session: Session, right: Right) -> None:
+        if right == "read" and not session.may_read:
+            raise RpcError(
+                UNAUTHORISED, "authenticate first, with the rig file's read_token or command_token"
+            )
+        if right == "command" and not session.may_command:
+            raise RpcError(
+                UNAUTHORISED, "commanding needs the rig file's command_token: authenticate with it"
+            )
+
+    def _authenticate(self, session: Session, params: AuthenticateParams) -> Result:
+        command = self._is_token(params.token, self._config.command_token)
+        read = self._is_token(params.token, self._config.read_token)
+        if self.needs_token() and not (command or read):
+            session.wrong_tokens += 1
+            raise RpcError(UNAUTHORISED, "wrong token")
+        session.may_read |= command or read
+        session.may_command |= command
+        return {"read": session.may_read, "command": session.may_command}
+
+    @staticmethod
+    def _is_token(given: str, right: str | None) -> bool:
+        # surrogates come through JSON but not through UTF-8; compared in constant time
+        return right is not None and hmac.compare_digest(given.encode(errors="replace"), right.encode())
+
+    def _axis(self, name: str | None) -> Axis:
+        axes = self._rig.axes
+        if name is None and len(axes) == 1:
+            return next(iter(axes.values()))
+        if name is None:
+            raise RpcError(INVALID_PARAMS, f"axis: required, one of {', '.join(axes)}")
+        if name not in axes:
+            raise RpcError(INVALID_PARAMS, f"axis: no axis {name[:40]!r}{hint(name[:40], axes)}")
+        return axes[name]
+
+    def _index(self, name: str | None) -> int | None:
+        return None if name is None else list(self._rig.axes).index(self._axis(name).name)
+
+    def _list(self, session: Session, _: Params) -> Result:
+        return {
+            "axes": list(self._rig.axes),
+            "topics": list(TOPICS),
+            "methods": list(self.methods),
+            "subscriptions": self._hub.numbers(session.sink),
+            "histogram_edges_us": bin_edges_us(),
+        }
+
+    def _get(self, _: Session, params: AxisParams) -> Result:
+        return self._axis(params.axis).whole(self._rig.now())
+
+    def _subscribe(self, session: Session, params: SubscribeParams) -> Result:
+        axes = [self._axis(name).name for name in params.axes or self._rig.axes]
+        if len(self._hub.numbers(session.sink)) >= MAX_SUBSCRIPTIONS:
+            raise RpcError(BUSY, f"{MAX_SUBSCRIPTIONS} subscriptions are the most for one client")
+        number = self._hub.subscribe(session.sink, params.topics, axes, params.rate_hz)
+        return {"subscription": number}
+
+    def _unsubscribe(self, session: Session, params: UnsubscribeParams) -> Result:
+        if not self._hub.unsubscribe(session.sink, params.subscription):
+            numbers = ", ".join(map(str, self._hub.numbers(session.sink))) or "none"
+            what = f"subscription: no subscription {params.subscription} of this client; it has {numbers}"
+            raise RpcError(INVALID_PARAMS, what)
+        return {"unsubscribed": params.subscription}
+
+    def _command(self, op: str) -> Callable[[Session, Any], Awaitable[Result]]:
+        def begin(_: Session, params: Params) -> Awaitable[Result]:
+            return self._carry_out(op, self._index(getattr(params, "axis", None)))
+
+        return begin
+
+    async def _carry_out(self, op: str, axis: int | None) -> Result:
+        await self._rig.mailbox.post(op, axis)
+        return {"ok": True}
+
+    def _reset(self, _: Session, params: AxisParams) -> Awaitable[Result]:
+        self._index(params.axis)  # the loop resets all axes at once, but a wrong name is still a mistake
+        return self._reset_all()
+
+    async def _reset_all(self) -> Result:
+        await self._rig.reset()
+        return {"ok": True}
+
+    def _set(self, _: Session, params: SetParams) -> Awaitable[Result]:
+        axis = self._axis(params.axis)
+        values = params.values()
+        check_settings(axis, values)
+        return self._change(axis, values)
+
+    async def _change(self, axis: Axis, values: dict[str, Any]) -> Result:
+        for_loop = {key: values[key] for key in LOOP_SETTINGS if key in values}
+        if for_loop:
+            await self._rig.mailbox.post("set", self._index(axis.name), for_loop)
+        axis.change(values)
+        return {"axis": axis.name, "settings": dict(axis.settings)}
+
+
+def check_settings(axis: Axis, values: dict[str, Any]) -> None:
+    """Hold new settings against the axis' limits; e_a and bias count together with what is in force.
+
+    Raises:
+        RpcError: INVALID_PARAMS; names the parameter and the limit.
+    """
+    if not values:
+        raise RpcError(INVALID_PARAMS, f"give at least one of {', '.join(axis.settings)}")
+    limits = axis.config.limits
+    new = axis.settings | values
+    volts = new["e_a"] + abs(new["bias"])
+    if volts > limits.output:
+        what = f"e_a + |bias| = {volts:g} V is over limits.output = {limits.output:g} V of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"{'e_a' if 'e_a' in values else 'bias'}: {what}")
+    if new["hysteresis"] >= limits.amplitude:
+        what = f"must be below limits.amplitude = {limits.amplitude:g} of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"hysteresis: {what}, got {new['hysteresis']:g}")
+    if new["method"] not in ESTIMATORS:
+        given = new["method"][:40]
+        raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, ESTIMATORS)}")
