@@ -178,6 +178,10 @@ class SimulatedRig:
             return lambda _t: self.constants[channel]
         return self._by_output[channel].measure
 
+    def sensor_channels(self) -> list[str]:
+        """Channels that can be read: plants' outputs, then constants."""
+        return [*self._by_output, *self.constants]
+
     def apply(self, t: float, volts: Mapping[str, float]) -> None:
         """Take the commands that came at `t` [s]; channels that no plant has are not ours and let go."""
         for channel, value in volts.items():

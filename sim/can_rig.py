@@ -1,0 +1,225 @@
+"""The simulated rig on the other end of a CAN bus, as a process of its own: `seod rig CONFIG`.
+
+It decodes what the daemon encodes and the other way round, by the same options and DBC.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from random import Random
+from typing import TYPE_CHECKING
+
+import can
+
+from drivers.can import REALTIME_STAMPS
+from drivers.can_codec import CanCodec, CodecError, UnknownFrameError, WrongLengthError
+from drivers.can_counters import COUNTER_NAMES
+from drivers.can_link import CanLink, filters_for
+from drivers.clock import StampClock
+from sim.back_door import BackDoor
+from sim.can_messages import check_channels, identifiers, sensor_messages
+from sim.control import ControlServer
+from sim.faults import FaultLine
+from sim.process import RigProcess
+from sim.rig import SimulatedRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.can_codec import Decoded
+    from drivers.can_config import CanOptions
+    from sim.config import SimulationConfig
+
+DOWN_PAUSE_S = 0.005
+"""How often a bus that is away is looked at."""
+
+QUEUE = 64
+"""Sensor frames that may wait in the socket."""
+
+BURST = 64
+"""Frames taken at once, at most, before the sensors have their turn."""
+
+COUNTS = ("commands", "lost_commands", "repeated_commands", "bad_commands", "unknown_frames", "late_sensors")
+
+
+class CanRig:
+    """The rig's end of the bus.
+
+    Args:
+        options: Of the daemon's driver; the rig takes the other side.
+        simulation: What is simulated.
+        clock: CLOCK_MONOTONIC [s].
+
+    Raises:
+        CodecError: A channel of the simulation is not in the DBC, or goes the wrong way.
+    """
+
+    def __init__(
+        self,
+        options: CanOptions,
+        simulation: SimulationConfig,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.rig = SimulatedRig(simulation, clock())
+        self.counts = dict.fromkeys(COUNTS, 0)
+        self._options = options
+        self._clock = clock
+        self._codec = CanCodec(options)
+        check_channels(self._codec, self.rig)
+        self.messages = sensor_messages(self._codec, self.rig, simulation.sensor_rate_hz)
+        self._period = 1.0 / simulation.sensor_rate_hz
+        self._turn = 0
+        self._next_turn = math.inf
+        self._last_counter: dict[str, int] = {}
+        self._ticks = {(frame.id, frame.extended) for frame in options.tick_frames[:1]}
+        self._awaited = {(frame.id, frame.extended, frame.payload) for frame in options.start_frames}
+        self._wanted = self._ticks | {(number, extended) for number, extended, _ in self._awaited}
+        self._wanted |= identifiers(self._codec, options.node)
+        self.faults = FaultLine(Random(simulation.seed), self._wanted | identifiers(self._codec))  # noqa: S311
+        self._link_counts = [0] * len(COUNTER_NAMES)
+        self._link = CanLink(options, self._link_counts)
+        self._stamps = StampClock(clock, trusted=options.interface in REALTIME_STAMPS)
+
+    @property
+    def started(self) -> bool:
+        """Whether all start frames have come, or none are needed."""
+        return not self._awaited
+
+    def open(self) -> None:
+        """Take the bus.
+
+        Raises:
+            DriverError: It cannot be had.
+        """
+        self._link.open(filters_for(sorted(self._wanted)), QUEUE)
+        self._begin()
+
+    def _begin(self) -> None:
+        if self.started and not self._ticks and math.isinf(self._next_turn):
+            self._next_turn = self._clock() + self._period
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self._link.close()
+
+    def step(self, longest: float) -> None:
+        """Wait for a command or for the sensors' turn, for `longest` [s] at most, and do what is due."""
+        now = self._clock()
+        wake = min(self._next_turn, self.faults.next_due(), now + longest)
+        self._receive(max(0.0, wake - now))
+        now = self._clock()
+        if now >= self._next_turn:
+            self._measure(now)
+            self._next_turn += self._period
+            if now >= self._next_turn:  # turns that were missed are left out, not made up
+                self.counts["late_sensors"] += 1
+                self._next_turn += ((now - self._next_turn) // self._period + 1.0) * self._period
+        self._send(now)
+
+    def _receive(self, timeout: float) -> None:
+        self._link.reopen(self._clock())
+        if timeout and (self._link.down or not self._link.is_open):
+            time.sleep(min(timeout, DOWN_PAUSE_S))
+            timeout = 0.0
+        message = self._link.receive(timeout)
+        for _ in range(BURST):
+            if message is None:
+                self._stamps.drained()
+                return
+            if not message.is_error_frame and not message.is_remote_frame:
+                self._take(self._stamps.to_loop(message.timestamp), message)
+            message = self._link.receive()
+
+    def _take(self, t: float, message: can.Message) -> None:
+        key = (message.arbitration_id, message.is_extended_id)
+        if key in self._ticks and self.started:
+            self._measure(self._clock())
+            return
+        start = (*key, bytes(message.data))
+        if start in self._awaited:
+            self._awaited.discard(start)
+            self._begin()
+            return
+        try:
+            self._command(t, self._codec.decode(*key, bytes(message.data)))
+        except (UnknownFrameError, WrongLengthError):
+            self.counts["unknown_frames"] += 1
+
+    def _command(self, t: float, decoded: Decoded) -> None:
+        if not decoded.checksum_ok:
+            self.counts["bad_commands"] += 1
+            return
+        self._check_sequence(decoded)
+        self.counts["commands"] += 1
+        self.rig.apply(t, {f"{decoded.message}.{name}": value for name, value in decoded.values.items()})
+
+    def _check_sequence(self, decoded: Decoded) -> None:
+        if decoded.counter is None:
+            return
+        last = self._last_counter.get(decoded.message)
+        self._last_counter[decoded.message] = decoded.counter
+        if last is not None:
+            step = (decoded.counter - last) % self._codec.counter_period(decoded.message)
+            self.counts["repeated_commands" if step == 0 else "lost_commands"] += 1 if step == 0 else step - 1
+
+    def _measure(self, t: float) -> None:
+        for message in self.messages:
+            if self._turn % message.every == 0:
+                self.faults.put(t, message.frame(t, self.faults.hits("freeze", message.name)))
+        self._turn += 1
+
+    def _send(self, t: float) -> None:
+        for frame in self.faults.take(t):
+            self._link.send(
+                can.Message(
+                    arbitration_id=frame.frame_id,
+                    is_extended_id=frame.extended,
+                    is_fd=frame.fd,
+                    bitrate_switch=frame.fd and self._options.data_bitrate is not None,
+                    data=frame.data,
+                )
+            )
+
+    def state(self) -> dict[str, object]:
+        """What goes on at this end of the bus: counters, and why it cannot be reached if so."""
+        link = {name: n for name, n in zip(COUNTER_NAMES, self._link_counts, strict=True) if n}
+        return {"started": self.started, "trouble": self._link.down, "counts": self.counts, "link": link}
+
+
+def run(
+    options: CanOptions,
+    simulation: SimulationConfig,
+    control_port: int | None = None,
+    duration: float | None = None,
+) -> None:
+    """Be the rig until SIGTERM or SIGINT; one JSON line on stdout tells when it is ready.
+
+    Args:
+        options: The rig file's driver section.
+        simulation: Its simulation section.
+        control_port: Instead of the section's; 0 for any free one.
+        duration: End by itself after this [s].
+
+    Raises:
+        DriverError: The bus cannot be had, or the simulation does not fit the DBC.
+        OSError: The control port is taken.
+    """
+    if options.interface == "virtual":
+        raise CodecError(
+            "driver.interface: virtual exists only within one process, so a rig in another cannot be reached "
+            "through it; use interface: socketcan with a vcan channel, or driver.kind: virtual"
+        )
+    rig = CanRig(options, simulation)
+    door = BackDoor(rig.rig, rig.faults, [m.name for m in rig.messages], rig.state, time.monotonic)
+    with RigProcess(duration) as process:
+        server = ControlServer(
+            simulation.control_port if control_port is None else control_port, door.methods
+        )
+        try:
+            rig.open()
+            process.ready({"control_port": server.port, "channel": options.channel})
+            process.repeat(rig.step, server.poll)
+        finally:
+            rig.close()
+            server.close()
