@@ -35,7 +35,7 @@ def load_rig(path: str | PathLike[str]) -> RigConfig:
     """Read and check a rig file.
 
     Returns:
-        The rig, in SI units; `driver` is complete (defaults filled in, paths absolute) and JSON-able.
+        The rig, in SI units; `driver` is checked (paths absolute) and JSON-able.
 
     Raises:
         ConfigErrors: All that is wrong, each with file, line and key.
@@ -177,7 +177,9 @@ def _misplaced_simulation(draft: Draft) -> Iterator[ConfigError]:
 def _finished(draft: Draft) -> RigConfig:
     """The checked file as a model, with everything in it that other processes need."""
     config = RigConfig.model_validate_json(json.dumps(draft.document.value))
-    changed: dict[str, object] = {"driver": cast("BaseModel", draft.options).model_dump(mode="json")}
+    # Only what was given: a default that is written out may mean more than one that is left out.
+    driver = cast("BaseModel", draft.options).model_dump(mode="json", exclude_unset=True)
+    changed: dict[str, object] = {"driver": driver}
     if config.server.tls is not None:
         tls = config.server.tls
         paths = {key: str(draft.directory / getattr(tls, key)) for key in ("certificate", "key")}
