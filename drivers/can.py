@@ -87,7 +87,7 @@ class CanDriver(Driver):
             if name not in known:
                 raise DriverError(f"no {direction} channel {name!r} in the DBC; there are {', '.join(known)}")
             message, _, signal = name.partition(".")
-            if self._codec.layout(message).message.is_fd and not self.options.fd:
+            if self._codec.layout(message).is_fd and not self.options.fd:
                 raise DriverError(f"{message} is an FD message: set driver.fd: true")
             places.setdefault(message, []).append((signal, place))
         return places

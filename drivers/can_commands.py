@@ -49,8 +49,8 @@ class CommandFrame:
         self.message = can.Message(
             arbitration_id=dbc.frame_id,
             is_extended_id=dbc.is_extended_frame,
-            is_fd=dbc.is_fd,
-            bitrate_switch=dbc.is_fd and bit_rate_switch,
+            is_fd=layout.is_fd,
+            bitrate_switch=layout.is_fd and bit_rate_switch,
             is_rx=False,
         )
         self.period = layout.period

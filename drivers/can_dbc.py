@@ -93,6 +93,7 @@ class Layout:
     Attributes:
         name: Name in the DBC.
         message: The cantools message.
+        is_fd: Goes in an FD frame.
         direction: `output` if our node sends it.
         length: Bytes on the wire: the DBC's, padded to a length that an FD frame can have.
         counter: Name of the counter signal or None; `period` is the number of its values.
@@ -105,6 +106,7 @@ class Layout:
     def __init__(self, message: Message, node: str, options: MessageOptions | None) -> None:
         self.message = message
         self.name = message.name
+        self.is_fd = message.is_fd or message.length > 8  # not every DBC says so of its long messages
         self.direction: Literal["input", "output"] = "output" if node in message.senders else "input"
         self.length = next(length for length in FD_LENGTHS if length >= message.length)
         self.lengths = (message.length, self.length)

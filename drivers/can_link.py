@@ -74,7 +74,7 @@ class CanLink:
             ) from error
 
     def _advice(self, error: Exception) -> str:
-        if self._options.interface == "socketcan" and getattr(error, "errno", 0) in GONE:
+        if self._options.interface == "socketcan" and isinstance(error, OSError):
             return (
                 " (see `ip -brief link show type can`, or make a virtual one: `ip link add vcan0 type vcan`)"
             )

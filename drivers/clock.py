@@ -1,8 +1,8 @@
 """Kernel time stamps on the loop's clock.
 
 Kernels and adapters stamp frames with CLOCK_REALTIME, which jumps when somebody sets the time; the loop lives
-on CLOCK_MONOTONIC. The difference is measured again with each stamp, so that slewing does no harm. A frame
-stamped before a jump and read after it is placed by the difference that held before.
+on CLOCK_MONOTONIC. The difference is measured again and again, so that slewing does no harm. A frame stamped
+before a jump and read after it is placed by the difference that held before.
 """
 
 from __future__ import annotations
@@ -38,36 +38,40 @@ class StampClock:
         self._monotonic = monotonic
         self._realtime = realtime
         self._trusted = trusted
-        now = monotonic()
-        self._offset = self._offset_before = realtime() - now
-        self._drained_at = now
+        self._now = self._drained_at = monotonic()
+        self._offset = self._offset_before = realtime() - self._now
 
     def drained(self) -> None:
-        """Everything that had come was read: what comes now is stamped later than this."""
-        self._drained_at = self._monotonic()
+        """Everything that had come was read: what comes now is stamped later."""
+        self._drained_at = self._now
         self._offset_before = self._offset
 
     def to_loop(self, stamp: float) -> float:
-        """The time of a stamp [s] on the loop's clock: after the last `drained`, and never in the future."""
-        before = self._monotonic()
-        real = self._realtime()
-        now = self._monotonic()
+        """The time of a stamp [s] on the loop's clock: after the last `drained`, and never in the future.
+
+        The clocks are looked at only for a stamp later than the last look: mostly once a tick.
+        """
         if not self._trusted or stamp <= 0.0:
-            return now
-        offset = self._follow(real - now, real - before)
+            return self._monotonic()
         earliest = self._drained_at - SLACK_S
-        t = stamp - offset
-        if earliest < t <= now:
+        t = stamp - self._offset
+        if earliest < t <= self._now:
+            return t
+        self._look()
+        t = stamp - self._offset
+        if earliest < t <= self._now:
             return t
         t_before_step = stamp - self._offset_before
-        if earliest < t_before_step <= now:
+        if earliest < t_before_step <= self._now:
             return t_before_step
-        return min(max(t, self._drained_at), now)
+        return min(max(t, self._drained_at), self._now)
 
-    def _follow(self, lowest: float, highest: float) -> float:
-        """Keep the offset within what the last reading of both clocks allows."""
-        offset = min(max(self._offset, lowest), highest)
+    def _look(self) -> None:
+        """Read both clocks, and keep the difference within what the readings allow."""
+        before = self._monotonic()
+        real = self._realtime()
+        self._now = self._monotonic()
+        offset = min(max(self._offset, real - self._now), real - before)
         if abs(offset - self._offset) > STEP_S:
             self.steps += 1
         self._offset = offset
-        return offset
