@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import can
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import drivers.can_link
@@ -210,6 +210,7 @@ def test_an_older_frame_never_replaces_a_newer_one(rig: Rig) -> None:
     assert rig.count("reordered") == 1
 
 
+@settings(max_examples=40)
 @given(st.lists(st.sampled_from(["next", "skip", "repeat", "back"]), max_size=60))
 def test_the_sequence_check_against_a_plain_count(steps: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -505,6 +506,7 @@ def test_any_error_frame_can_be_decoded(classes: int, data: bytes) -> None:
     assert bus_event(classes, data).bus_off == bool(classes & 0x40)
 
 
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 9), max_size=40))
 def test_whatever_the_bus_does_nothing_raises_and_neutral_comes_first(events: list[int]) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -636,6 +638,7 @@ def test_slewing_is_followed_and_is_no_step() -> None:
     assert stamps.steps == 0
 
 
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(st.floats(1e-4, 0.01), st.floats(-1e4, 1e4), st.floats(-1e5, 1e5)), min_size=1, max_size=20
