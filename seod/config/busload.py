@@ -1,15 +1,15 @@
 """How long frames take on a CAN bus, at worst. Pure arithmetic on bits; knows no driver.
 
-Classic frames: R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
-schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35 (2007): g + 8 n + 13 bits and at most
-floor((g + 8 n - 1) / 4) stuff bits, where g = 34 (11-bit identifier) or 54 (29-bit) bits besides the n data
-bytes are open to stuffing; the 13 are CRC delimiter, acknowledge, end of frame and interframe space.
+Classic frames, after R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35 (2007): g + 8 n + 13 bits and
+at most floor((g + 8 n - 1) / 4) stuff bits. g = 34 (11-bit identifier) or 54 (29-bit) bits besides the n
+data bytes are open to stuffing; the 13 are CRC delimiter, acknowledge, end of frame and interframe space.
 
-FD frames: counted from the frame format of ISO 11898-1:2015. 17 bits (11-bit identifier) or 36 (29-bit) up
-to the bit-rate switch: start, identifier, control bits. Then ESI, 4 bits of length, the data, and a CRC field with
-fixed stuff bits, one before the 4-bit stuff count and one after each fourth bit: 4 + 17 + 6 bits for up to 16
-data bytes, 4 + 21 + 7 for more. Then 13 bits at the nominal rate as in a classic frame. Stuff bits before the
-CRC field as in a classic frame, as many of them as possible in the slow part.
+FD frames, counted from the frame format of ISO 11898-1:2015: 17 bits (11-bit identifier) or 36 (29-bit) up
+to the bit-rate switch. Then ESI, 4 bits of length, the data, and a CRC field with fixed stuff bits, one
+before the 4-bit stuff count and one after each fourth bit: 4 + 17 + 6 bits for up to 16 data bytes,
+4 + 21 + 7 for more. Then 13 bits at the nominal rate as in a classic frame. Stuff bits before the CRC field
+as in a classic frame, as many of them as possible in the slow part.
 """
 
 from __future__ import annotations

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seod.config.busload import Bus, bits
-from seod.config.units import UNITS
+from seod.config.truth import truth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.model import RigConfig
 
 WARN_LOAD = 0.8
 """From here on a bus is called full: with worst-case stuffing, and one sender's jitter delays all others.
@@ -65,22 +65,43 @@ class Report:
 
 def check(config: RigConfig) -> Report:
     """Judge a rig file that `load_rig` has accepted."""
-    bus, refusals, warnings = None, [], []
+    bus, refusals, warnings = None, list[str](), list[str]()
     if config.driver["kind"] == "can":
         from seod.config.traffic import can_traffic  # noqa: PLC0415 - cantools takes long to import
 
         bus, unknown = can_traffic(config)
-        load = bus.load()
-        told = f"the bus {bus.name} is {load:.0%} busy with worst-case bit stuffing"
-        if load >= REFUSE_LOAD:
-            refusals.append(f"{told}: lower loop.rate_hz, or use a faster bus, CAN FD or shorter frames")
-        elif load >= WARN_LOAD:
-            warnings.append(f"{told}: frames will be late now and then")
-        warnings += [
-            f"message {name} is not counted: give driver.messages.{name}.rate_hz" for name in unknown
-        ]
+        refusals += [*_overfull(bus), *_too_slow(config, bus)]
+        warnings += [*_full(bus), *_uncounted(unknown)]
     warnings += [*_safety(config), *_simulated(config)]
     return Report(_summary(config), bus, tuple(refusals), tuple(warnings))
+
+
+def _overfull(bus: Bus) -> Iterator[str]:
+    if bus.load() >= REFUSE_LOAD:
+        remedy = "lower loop.rate_hz, or use a faster bus, CAN FD or shorter frames"
+        yield f"the bus {bus.name} would be {bus.load():.0%} busy with worst-case bit stuffing: {remedy}"
+
+
+def _full(bus: Bus) -> Iterator[str]:
+    if WARN_LOAD <= bus.load() < REFUSE_LOAD:
+        yield f"the bus {bus.name} is {bus.load():.0%} busy with worst-case bit stuffing: frames will be late"
+
+
+def _uncounted(messages: tuple[str, ...]) -> Iterator[str]:
+    for name in messages:
+        yield f"message {name} is not counted in the bus load: give driver.messages.{name}.rate_hz"
+
+
+def _too_slow(config: RigConfig, bus: Bus) -> Iterator[str]:
+    """Inputs that are stale before their next frame comes."""
+    rates = {frame.name: frame.rate_hz for frame in bus.frames}
+    inputs = {f"sensors.{axis.sensor}": config.sensors[axis.sensor].channel for axis in config.axes.values()}
+    if config.guard.estop:
+        inputs["guard.estop"] = config.guard.estop.channel
+    for key, channel in inputs.items():
+        period = 1.0 / rates[channel.partition(".")[0]]
+        if period > config.guard.stale:
+            yield f"{key} comes each {period:g} s, guard.stale is {config.guard.stale:g} s: always stale"
 
 
 def _summary(config: RigConfig) -> str:
@@ -97,18 +118,6 @@ def _bus_lines(bus: Bus) -> Iterator[str]:
         yield f"  {frame.name:<24} {frame.length:>5} {sum(bits(frame)):>5} {frame.rate_hz:>9g} {share:>7.1%}"
     limits = f"warned from {WARN_LOAD:.0%}, refused from {REFUSE_LOAD:.0%}"
     yield f"  {'sum':<24} {'':>5} {'':>5} {'':>9} {bus.load():>7.1%}  ({limits})"
-
-
-def _too_slow(config: RigConfig, bus: Bus) -> Iterator[str]:
-    """Inputs that are stale before their next frame comes."""
-    rates = {frame.name: frame.rate_hz for frame in bus.frames}
-    inputs = {f"sensors.{axis.sensor}": config.sensors[axis.sensor].channel for axis in config.axes.values()}
-    if config.guard.estop:
-        inputs["guard.estop"] = config.guard.estop.channel
-    for key, channel in inputs.items():
-        period = 1.0 / rates[channel.partition(".")[0]]
-        if period > config.guard.stale:
-            yield f"{key} comes each {period:g} s, guard.stale is {config.guard.stale:g} s: always stale"
 
 
 def _safety(config: RigConfig) -> Iterator[str]:
@@ -135,16 +144,9 @@ def _simulated(config: RigConfig) -> Iterator[str]:
     believed = config.guard.rig_watchdog
     if believed is not None and believed != simulation.watchdog_s:
         yield f"guard.rig_watchdog is {believed:g} s, simulation.watchdog_s is {simulation.watchdog_s:g} s"
-    plants = {plant.input: plant.K_L for plant in simulation.plants.values()}
-    for name, axis in config.axes.items():
-        gain = plants[config.outputs[axis.output].channel] * _scales(config, axis)
+    for name, plant in truth(config).items():
+        K_L, gain = config.axes[name].K_L, plant["K_L"]
         if gain < 0:
             yield f"axes.{name} is wired the wrong way round to its simulated plant (scales below 0)"
-        elif abs(gain - axis.K_L) > 0.01 * axis.K_L:
-            yield f"axes.{name}.K_L is {axis.K_L:g}, that of the simulated plant is {gain:g}: zeta will be off"
-
-
-def _scales(config: RigConfig, axis: AxisConfig) -> float:
-    """SI position per volt of command, over channel's position per channel's voltage."""
-    sensor, output = config.sensors[axis.sensor], config.outputs[axis.output]
-    return sensor.scale * UNITS[sensor.unit][1] * output.scale / UNITS[output.unit][1]
+        elif abs(gain - K_L) > 0.01 * K_L:
+            yield f"axes.{name}.K_L is {K_L:g}, the simulated plant has {gain:g}: zeta will be off"

@@ -25,8 +25,8 @@ class Traffic(NamedTuple):
 def can_traffic(config: RigConfig) -> Traffic:
     """The frames of a rig whose driver is `can`.
 
-    Commands go at the loop rate, and so do sensor messages where neither the rig file
-    (`messages.NAME.rate_hz`) nor the DBC (`GenMsgCycleTime`) says otherwise. Other messages of the DBC count if their rate is known.
+    Commands go at the loop rate, and so do sensor messages where neither the rig file nor the DBC
+    (`GenMsgCycleTime`) says otherwise. Other messages of the DBC count if their rate is known.
     """
     options = CanOptions.model_validate(config.driver)
     commanded = _messages(config.outputs[axis.output].channel for axis in config.axes.values())

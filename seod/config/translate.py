@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 SHOWN = 60
 """Longest value quoted in a message."""
 
-_BOUNDS = {
+SECRETS = (("read_token",), ("command_token",))
+"""Ends of the paths whose values are not repeated."""
+
+_WORDING = {
+    "missing": "has too few entries",
     "greater_than": "must be > {gt}",
     "greater_than_equal": "must be >= {ge}",
     "less_than": "must be < {lt}",
@@ -67,22 +71,27 @@ def _wording(detail: ErrorDetails, path: KeyPath, model: type[BaseModel], raw: A
     if kind == "extra_forbidden":
         known = fields_at(model, path[:-1])
         return "unknown key", suggest(str(path[-1]), known, "keys here") if known else ""
-    if kind == "missing":
+    if kind == "missing" and isinstance(detail["loc"][-1], str):
         return "missing", _described(model, path)
     if "[key]" in detail["loc"]:
         return "cannot be used as a name", "letters, digits, _ and -, starting with a letter, at most 32"
-    context = detail.get("ctx", {})
+    message = _message(detail)
     value = at(raw, path)
-    if kind == "value_error":
-        return _with_value(str(context["error"]), value), ""
-    template = _BOUNDS.get(kind)
-    wording = template.format(**context) if template else detail["msg"][:1].lower() + detail["msg"][1:]
-    return f"{wording}, got {show(value)}", ""
+    container = isinstance(value, dict | list) and kind == "value_error"
+    quoted = "got" in message or (isinstance(value, str) and value in message)
+    said = container or quoted or path[-1:] in SECRETS
+    return (message if said else f"{message}, got {show(value)}"), ""
 
 
-def _with_value(message: str, value: Any) -> str:
-    said = isinstance(value, dict | list) or "got" in message or str(value) in message
-    return message if said else f"{message}, got {show(value)}"
+def _message(detail: ErrorDetails) -> str:
+    context = detail.get("ctx", {})
+    if detail["type"] == "value_error":
+        return str(context["error"])
+    template = _WORDING.get(detail["type"])
+    if template is None:
+        return detail["msg"][:1].lower() + detail["msg"][1:]
+    plain = {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
+    return template.format(**plain)
 
 
 def _described(model: type[BaseModel], path: KeyPath) -> str:
@@ -119,7 +128,8 @@ def _real_path(location: tuple[str | int, ...], raw: Any, kind: str) -> KeyPath:
         if _has(raw, part):
             raw = raw[part]
             path.append(part)
-    return (*path, location[-1]) if kind == "missing" else tuple(path)
+    lost_key = kind == "missing" and isinstance(location[-1], str)
+    return (*path, location[-1]) if lost_key else tuple(path)
 
 
 def fields_at(model: type[BaseModel], path: KeyPath) -> dict[str, FieldInfo]:

@@ -34,7 +34,7 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
 }
 """Unit -> (dimension, factor to the SI base unit)."""
 
-_QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z/]*)\s*$")
+_QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z/]*)\s*$", re.ASCII)
 
 
 def units_of(*dimensions: str) -> list[str]:
@@ -69,7 +69,7 @@ def parse_quantity(value: object, *dimensions: str) -> float:
 def dimension_of(value: object) -> str | None:
     """Dimension that a raw value such as `"30 deg"` is written in; None for a plain number or no quantity."""
     match = _QUANTITY.match(value) if isinstance(value, str) else None
-    return UNITS[match[2]][0] if match and match[2] in UNITS else None
+    return UNITS[match[2]][0] if match and match[2] and match[2] in UNITS else None
 
 
 def _float(number: float | str) -> float:

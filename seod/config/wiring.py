@@ -106,7 +106,7 @@ def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
         return
     if dimension not in POSITIONS:
         right = f"a sensor in one of {', '.join(units_of(*POSITIONS))}"
-        message = f"sensor {sensor!r} gives a {dimension}; position control needs a position"
+        message = f"sensor {sensor!r} measures {dimension}; position control needs a position"
         yield draft.error(("axes", axis, "sensor"), message, right)
         return
     wanted = [(key, dimension) for key in POSITION_KEYS] + [(("limits", "speed"), RATES[dimension])]
@@ -114,7 +114,7 @@ def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
         path = ("axes", axis, *key)
         written = dimension_of(draft.raw(*path))
         if written in (*POSITIONS, *RATES.values()) and written != right:
-            message = f"sensor {sensor!r} measures a {dimension}: must be in {', '.join(units_of(right))}"
+            message = f"sensor {sensor!r} measures {dimension}: must be in {', '.join(units_of(right))}"
             yield draft.wrong(path, message)
 
 
