@@ -1,6 +1,6 @@
-"""The loop at 2 kHz on the virtual rig: wake-up lateness beside a bare loop's and cyclictest's; cost of a tick.
+"""The loop at 2 kHz on the virtual rig beside a bare loop and cyclictest: wake-up lateness, cost of a tick.
 
-Each figure comes from alternating runs in this process (cyclictest: its own), so that the machine's noise meets
+Each figure comes from alternating runs in this process (cyclictest: its own): the machine's noise meets
 all of them alike. Usage: python bench/loop.py [pairs] [seconds]
 """
 

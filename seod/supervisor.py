@@ -163,13 +163,18 @@ class Supervisor:
             axes=self.arguments.axes,
             rows=self.arguments.rows,
             generation=self.generation,
-            record=self.arguments.record if self.gateway_starts <= 1 else None,
+            record=self.record(),
             config_path=self.arguments.config_path,
         )
         child = Child(module, arguments)
         self.poller.register(child.pidfd, select.POLLIN)
         self.poller.register(child.link.fileno(), select.POLLIN)
         return child
+
+    def record(self) -> str | None:
+        """File to record to; a gateway that was started again begins another one."""
+        name, again = self.arguments.record, self.gateway_starts > 1
+        return f"{name}.{self.gateway_starts}" if name and again else name
 
     def drop(self, child: Child) -> None:
         """Stop watching a child that ended."""
@@ -267,6 +272,7 @@ class Supervisor:
         self.shared.words[Word.FENCE] = self.generation
         self.holding_neutral = True
         written = self.write_neutral()
+        self.hear_loop(loop)  # its last words may still be under way
         hung, how = loop.failure, loop.end_of()
         why = hung or how
         self.drop(loop)
@@ -287,6 +293,7 @@ class Supervisor:
 
     def gateway_died(self, gateway: Child) -> None:
         """Stop the rig, for nobody could stop it over TCP; then start the gateway again."""
+        self.hear_gateway(gateway)  # its last words may still be under way
         if self.loop is not None and self.loop.ready:
             self.loop.signal(signal.SIGUSR1)
         why = gateway.failure or gateway.end_of()

@@ -1,0 +1,203 @@
+"""The daemon on the virtual rig as real processes: any of the three may die, hang or be stopped."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import time
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from seod.paths import configs_dir
+from tests.vm.guest.tools import Program, Rpc, find_process, kill, port_open, until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.processes
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    text = (configs_dir() / "virtual.yaml").read_text()
+    text = text.replace("port: 7600", f"port: {free_port()}").replace(
+        "hang_timeout: 50 ms", "hang_timeout: 1 s"
+    )
+    path = tmp_path / "rig.yaml"
+    path.write_text(text.replace("count: 20,", "count: 150,"))  # a busy machine is not what is tested here
+    return path
+
+
+class Daemon:
+    def __init__(self, rig_file: Path, *arguments: str) -> None:
+        self.program = Program(rig_file.with_name("log"), "run", rig_file, *arguments)
+        self.port = int(re.findall(r"port: (\d+)", rig_file.read_text())[0])
+        until("the port", lambda: port_open(self.port) or self.program.process.poll() is not None)
+        assert self.program.process.poll() is None, self.program.said()
+        self.rpc = Rpc(self.port)
+        until("the loop", lambda: self.rpc.call("status")["health"]["ticks"])
+        self.rpc.call("subscribe", topics=["event", "estimate"])
+
+    def child(self, module: str) -> int:
+        return until(module, lambda: find_process(module, self.program.pid))
+
+    def state(self) -> str:
+        state: str = self.rpc.call("get", axis="motor")["state"]
+        return state
+
+    def excite(self) -> None:
+        self.rpc.call("start")
+        until("the relay", lambda: self.state() == "exciting")
+
+    def estimate(self) -> dict[str, Any]:
+        params: dict[str, Any] = self.rpc.wait_for(
+            "a good estimate", lambda m: m["method"] == "estimate" and m["params"]["quality"] == "ok"
+        )["params"]
+        return params
+
+
+@contextmanager
+def running(rig_file: Path, *arguments: str) -> Iterator[Daemon]:
+    daemon = Daemon(rig_file, *arguments)
+    try:
+        yield daemon
+    finally:
+        daemon.rpc.close()
+        daemon.program.stop()
+        print(daemon.program.said())
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that only waits to be reaped does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def no_children_left(pid: int) -> bool:
+    return not any(find_process(module, pid) for module in ("seod.loop_process", "seod.gateway"))
+
+
+def test_estimates_are_the_rigs_truth(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        daemon.excite()
+        truth = daemon.rpc.call("info")["truth"]["motor"]
+        deadline = time.monotonic() + 3.0
+        while time.monotonic() < deadline:
+            estimate = daemon.estimate()
+        assert estimate["omega_n"] == pytest.approx(truth["omega_n"], rel=0.02)
+        assert estimate["zeta"] == pytest.approx(truth["zeta"], rel=0.02)
+        daemon.rpc.call("stop")
+        until("idle", lambda: daemon.state() == "idle")
+
+
+def test_sigterm_ends_all_of_it(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        daemon.excite()
+        pid, loop, gateway = (
+            daemon.program.pid,
+            daemon.child("seod.loop_process"),
+            daemon.child("seod.gateway"),
+        )
+        daemon.program.process.terminate()
+        assert daemon.program.wait() == 0
+        assert not any(map(alive, (pid, loop, gateway)))
+
+
+def test_time_given_is_time_run(rig_file: Path) -> None:
+    program = Program(rig_file.with_name("log"), "run", rig_file, "--for", "0.5")
+    assert program.wait() == 0, program.said()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
+def test_dead_or_hung_loop_is_a_fault_that_a_reset_ends(rig_file: Path, number: signal.Signals) -> None:
+    with running(rig_file) as daemon:
+        daemon.excite()
+        loop = daemon.child("seod.loop_process")
+        os.kill(loop, number)
+        fault = daemon.rpc.event(event="fault")
+        assert "loop process" in fault["why"]
+        assert {signal.SIGKILL: "SIGKILL", signal.SIGSTOP: "hung", signal.SIGTERM: "exit"}[number] in fault[
+            "why"
+        ]
+        assert daemon.state() == "fault"
+        until("its end, fenced or not", lambda: not alive(loop))
+        kill(loop, signal.SIGCONT)
+        daemon.rpc.call("reset")
+        until("the next loop", lambda: daemon.state() == "idle")
+        assert daemon.child("seod.loop_process") != loop
+        daemon.excite()
+        assert daemon.estimate()["omega_n"] == pytest.approx(117.0, rel=0.05)
+
+
+def test_dead_gateway_stops_the_rig_and_comes_back(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        daemon.excite()
+        gateway = daemon.child("seod.gateway")
+        os.kill(gateway, signal.SIGKILL)
+        until("another gateway", lambda: find_process("seod.gateway", daemon.program.pid) not in (0, gateway))
+        until("its port", lambda: port_open(daemon.port))
+        daemon.rpc.close()
+        daemon.rpc = Rpc(daemon.port)
+        until("the fault", lambda: daemon.state() == "fault")
+        assert "gateway" in daemon.rpc.call("get", axis="motor")["fault"]["why"]
+        daemon.rpc.call("reset")
+        daemon.excite()
+
+
+def test_dead_supervisor_takes_the_others_along(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        daemon.excite()
+        children = [daemon.child("seod.loop_process"), daemon.child("seod.gateway")]
+        daemon.program.process.kill()
+        daemon.program.process.wait()
+        until("their end", lambda: not any(map(alive, children)))
+
+
+def test_second_daemon_on_the_rig_is_refused_by_name(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        second = Program(rig_file.with_name("second"), "run", rig_file)
+        assert second.wait() == 1
+        assert f"run already by process {daemon.program.pid}" in second.said()
+        assert daemon.state() == "idle"
+
+
+def test_taken_port_is_said_and_nothing_is_left(rig_file: Path) -> None:
+    port = int(re.findall(r"port: (\d+)", rig_file.read_text())[0])
+    with socket.create_server(("127.0.0.1", port)):
+        program = Program(rig_file.with_name("log"), "run", rig_file)
+        assert program.wait() == 1
+    assert str(port) in program.said()
+    assert "Traceback" not in program.said()
+    assert no_children_left(program.pid)
+
+
+def test_as_fast_as_it_can_nothing_is_lost(rig_file: Path, tmp_path: Path) -> None:
+    rig_file.write_text(rig_file.read_text().replace("realtime: true", "realtime: false"))
+    record = tmp_path / "fast.csv"
+    with running(rig_file, "--record", str(record)) as daemon:
+        daemon.excite()
+        for _ in range(100):
+            estimate = daemon.estimate()
+        assert estimate["zeta"] == pytest.approx(0.21, rel=0.05)
+        assert daemon.rpc.call("status")["health"]["rows_lost"] == 0
+    lines = record.read_text().splitlines()
+    column = lines[0].split(",").index("t")
+    times = [float(line.split(",")[column]) for line in lines[1:]]
+    steps = {round(b - a, 9) for a, b in pairwise(times)}
+    assert steps == {5e-4}
