@@ -1,0 +1,191 @@
+"""What all limit cycle estimators share: when to listen, when to answer, how far to trust the answer."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from seod.estimate import quality
+from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
+from seod.estimate.fitness import fitness
+from seod.estimate.record import Record, sound
+
+if TYPE_CHECKING:
+    from seod.estimate.inversion import Plant
+    from seod.estimate.limit_cycle import Array
+    from seod.estimate.switches import Switch
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """What an estimator makes of its window. Units as in `Estimate`."""
+
+    repeats: list[list[float]]
+    """Logarithms of what has to repeat from cycle to cycle, one value for each half cycle."""
+    frequency: float
+    amplitude: float
+    plant: Plant | None
+    sd: Plant | None
+    mean_speed: float
+    delay_s: float | None = None
+
+
+class CycleEstimator(ABC):
+    """Fed row by row; a subclass measures each half cycle and solves for the plant."""
+
+    method: ClassVar[str]
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        self.settings = settings
+        self.window = 2 * max(settings.cycles, 2)
+        """Half cycles that are averaged and have to agree."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.record = Record(self.settings, self.window)
+        self._clips: deque[bool] = deque(maxlen=2)
+        self._quality = ""
+        self._was_settled = False
+
+    def update(self, row: Row) -> Estimate | None:
+        """Take one row; an estimate when a half cycle has just ended or the state of the answer changed."""
+        if not row.exciting:
+            if self.record.has_begun:
+                self.reset()
+            return None
+        good = sound(row)
+        if good is None:
+            return None
+        if self.record.breaks(good):
+            self.reset()
+        switch = self.record.take(good)
+        if good.fresh:
+            self.listen(good)
+        return self._look() if switch is None else self._answer(switch)
+
+    def listen(self, row: Row) -> None:  # noqa: B027 (only some estimators look at each sample)
+        """Take a fresh row."""
+
+    @abstractmethod
+    def measure(self, switch: Switch, t: Array, y: Array) -> None:
+        """Take the half cycle after `switch`, which the record has already, with the samples around it."""
+
+    @abstractmethod
+    def solve(self) -> Solution | None:
+        """The plant by the window; None before there is a whole cycle."""
+
+    def _look(self) -> Estimate | None:
+        """Between half cycles: an estimate where the state of the answer changed."""
+        word = self._state()
+        if word == self._quality:
+            return None
+        self._quality = word
+        advice = self._why_still() if word == "no_oscillation" else quality.ADVICE[word]
+        return Estimate(self.record.now, self.method, word, K_L=self.settings.K_L, advice=advice)
+
+    def _state(self) -> str:
+        if self.record.is_stale:
+            return "stale"
+        patience = max([quality.NO_SWITCH_S, *(4.0 * d for d in self.record.durations[-2:])])
+        if self.record.now - self.record.switched > patience:
+            return "no_oscillation"
+        return "settling" if self._quality in {"", "stale"} else self._quality
+
+    def _why_still(self) -> str:
+        """Why the relay does not switch: the actuator stands, or runs one way."""
+        record = self.record
+        run = record.samples[record.since(record.switched) :]
+        moved = abs(run[-1] - run[0]) if run else 0.0
+        possible = self.settings.K_L * record.e_a * (record.now - record.switched)
+        return quality.STANDS if moved < 0.02 * possible else quality.DRIFTS
+
+    def _answer(self, switch: Switch) -> Estimate | None:
+        record = self.record
+        record.switches.append(switch)
+        t, y = np.array(record.times), np.array(record.samples)
+        self.measure(switch, t, y)
+        half_cycle = record.samples[record.since(switch.seen) :]
+        self._clips.append(quality.clipped(half_cycle))
+        solution = self.solve() if len(record.switches) > 2 else None
+        self._quality = self._judge(solution, len(half_cycle))
+        if solution is None:
+            return Estimate(
+                record.now,
+                self.method,
+                self._quality,
+                K_L=self.settings.K_L,
+                advice=quality.ADVICE.get(self._quality),
+            )
+        fit = fitness(solution.plant, list(record.switches)[-3:], self.settings.K_L * record.e_a, t, y)
+        record.forget(record.switches[-2].t - record.durations[-2])
+        return self._estimate(solution, fit)
+
+    def _judge(self, solution: Solution | None, count: int) -> str:
+        """The quality word for `count` samples in the half cycle: the first that applies, worst first."""
+        if len(self.record.switches) <= self.window:
+            return "settling"
+        if solution is None or count < quality.SAMPLES_MIN or self._is_lost(solution.amplitude):
+            return "no_oscillation"
+        if any(self._clips):
+            return "saturated"
+        if self._is_noisy(solution.amplitude):
+            return "noisy"
+        if not self._is_settled(solution):
+            return "settling"
+        if abs(self._asymmetry()) > quality.ASYMMETRY_MAX:
+            return "asymmetric"
+        return "ok" if solution.plant else "out_of_range"
+
+    def _is_lost(self, amplitude: float) -> bool:
+        lost_in_noise = self.record.noise.sd > quality.NO_OSCILLATION_NOISE * amplitude
+        return lost_in_noise or amplitude <= self.settings.hysteresis
+
+    def _is_noisy(self, amplitude: float) -> bool:
+        switches = self.record.switches
+        chatter = sum(s.merged > 1 for s in switches) / len(switches)
+        return chatter > quality.CHATTER_MAX or self.record.noise.sd > quality.NOISE_MAX * amplitude
+
+    def _is_settled(self, solution: Solution) -> bool:
+        if any(len(x) < self.window - 1 for x in solution.repeats):
+            return False
+        slack, allowed = 1.0, quality.AGREEMENT
+        if self._was_settled:
+            slack = quality.ONCE_SETTLED
+            allowed += self.settings.period_s * solution.frequency / (2.0 * math.pi)
+        self._was_settled = all(quality.agree(x, allowed, slack) for x in solution.repeats)
+        return self._was_settled
+
+    def _asymmetry(self) -> float:
+        """Duty of the upper half of the relay minus 1/2, over whole cycles."""
+        switches, durations = list(self.record.switches), self.record.durations
+        first = len(durations) % 2
+        up = sum(d for s, d in zip(switches[first:], durations[first:], strict=False) if s.up)
+        return up / sum(durations[first:]) - 0.5
+
+    def _estimate(self, solution: Solution, fit: float | None) -> Estimate:
+        plant, sd = solution.plant, solution.sd
+        if self._quality == "no_oscillation":
+            plant = sd = fit = None
+        return Estimate(
+            t=self.record.now,
+            method=self.method,
+            quality=self._quality,
+            zeta=plant and finite_or_none(plant.zeta),
+            zeta_sd=sd and finite_or_none(sd.zeta),
+            omega_n=plant and finite_or_none(plant.omega_n),
+            omega_n_sd=sd and finite_or_none(sd.omega_n),
+            K_L=self.settings.K_L,
+            delay_s=solution.delay_s,
+            frequency=finite_or_none(solution.frequency),
+            amplitude=finite_or_none(solution.amplitude),
+            asymmetry=finite_or_none(self._asymmetry()),
+            mean_speed=finite_or_none(solution.mean_speed),
+            fitness=fit,
+            advice=quality.ADVICE.get(self._quality),
+        )

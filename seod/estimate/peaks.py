@@ -1,0 +1,152 @@
+"""`peaks`: the paper's own procedure (section 2.3): low-pass, three-sample peaks, Eqs. 5 to 8.
+
+Faithful in its arithmetic: it ignores the relay's hysteresis and any lag. One thing is added: a peak counts
+only once the signal has come back from it by a part of the oscillation, or every ripple of noise would be one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from itertools import pairwise
+from statistics import fmean, stdev
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+from seod.estimate.cycle import CycleEstimator, Solution
+from seod.estimate.inversion import Plant, invert_eq8
+
+if TYPE_CHECKING:
+    from seod.estimate.base import Row
+    from seod.estimate.limit_cycle import Array
+    from seod.estimate.switches import Switch
+
+RETREAT = 0.25
+"""A peak is confirmed when the signal has come back from it by this part of the last peak-to-peak value."""
+
+
+class Peak(NamedTuple):
+    """A confirmed extreme: time [s], low-passed position [axis unit], +1 or -1."""
+
+    t: float
+    y: float
+    sign: int
+
+
+class LowPass:
+    """First-order low-pass at unequal steps; passes everything where the cut-off is None."""
+
+    def __init__(self, cutoff_hz: float | None) -> None:
+        self._rate = math.inf if cutoff_hz is None else 2.0 * math.pi * cutoff_hz
+        self._t = self._y = math.nan
+
+    def update(self, t: float, y: float) -> float:
+        """The filtered value [unit of y] at `t` [s]."""
+        if math.isnan(self._t):
+            self._y = y
+        else:
+            self._y += (y - self._y) * -math.expm1(-self._rate * (t - self._t))
+        self._t = t
+        return self._y
+
+
+class PeakFinder:
+    """The test y(i-2) < y(i-1) > y(i), and its mirror image, with hysteresis; peaks alternate."""
+
+    def __init__(self) -> None:
+        self._last: deque[tuple[float, float]] = deque(maxlen=3)
+        self._candidate: Peak | None = None
+        self._before: Peak | None = None
+        self._low = self._high = math.nan
+
+    def update(self, t: float, y: float) -> Peak | None:
+        """Take a sample; the peak that it confirms, if any."""
+        self._low, self._high = (min(y, self._low), max(y, self._high)) if self._last else (y, y)
+        self._last.append((t, y))
+        self._propose()
+        c = self._candidate
+        if c is None or c.sign * (c.y - y) < self._threshold():
+            return None
+        self._before, self._candidate = c, None
+        self._low = self._high = y
+        return c
+
+    def _propose(self) -> None:
+        """Make the middle sample the candidate if it is an extreme, and more so than the one so far."""
+        if len(self._last) < 3:
+            return
+        (_, a), (t, b), (_, c) = self._last
+        sign = 1 if a <= b > c else -1 if a >= b < c else 0
+        if sign == 0 or (self._before is not None and sign == self._before.sign):
+            return
+        if self._candidate is None or sign * (b - self._candidate.y) > 0.0 or sign != self._candidate.sign:
+            self._candidate = Peak(t, b, sign)
+
+    def _threshold(self) -> float:
+        """Part of the newest swing: from the peak before to the candidate; of all seen, before any peak."""
+        if self._before is None or self._candidate is None:
+            return RETREAT * (self._high - self._low)
+        return RETREAT * abs(self._candidate.y - self._before.y)
+
+
+class PeaksEstimator(CycleEstimator):
+    """V_s and omega_s from the peaks of the window, then Eqs. 5 to 8."""
+
+    method: ClassVar[str] = "peaks"
+
+    def reset(self) -> None:
+        """Forget everything."""
+        super().reset()
+        self._filter = LowPass(self.settings.lowpass_hz)
+        self._finder = PeakFinder()
+        self._peaks: deque[Peak] = deque(maxlen=self.window + 1)
+
+    def listen(self, row: Row) -> None:
+        """Filter the sample and look for a peak."""
+        found = self._finder.update(row.t, self._filter.update(row.t, row.y))
+        if found is None:
+            return
+        if len(self._peaks) >= 2 and _swing(found, self._peaks[-1]) > 2.0 * _swing(*list(self._peaks)[-2:]):
+            last = self._peaks[-1]
+            self._peaks.clear()  # what came before was noise, or the start
+            self._peaks.append(last)
+        self._peaks.append(found)
+
+    def measure(self, switch: Switch, t: Array, y: Array) -> None:
+        """Nothing to take: the peaks are there already."""
+
+    def solve(self) -> Solution | None:
+        """Eqs. 5 to 8 on the means of the window."""
+        peaks = list(self._peaks)
+        if len(peaks) < 3:
+            return None
+        periods = [b.t - a.t for a, b in zip(peaks, peaks[2:], strict=False)]
+        amplitudes = [0.5 * abs(b.y - a.y) for a, b in pairwise(peaks)]
+        frequency, amplitude = 2.0 * math.pi / fmean(periods), fmean(amplitudes)
+        if amplitude <= 0.0:
+            return None
+        K_L, e_a = self.settings.K_L, self.record.e_a
+        same_side = peaks[(len(peaks) - 1) % 2]
+        each = [
+            invert_eq8(2.0 * math.pi / period, a, K_L, e_a)
+            for period, a in zip(periods, amplitudes[1:], strict=True)
+        ]
+        return Solution(
+            repeats=[[math.log(x) for x in periods], [math.log(max(x, 1e-300)) for x in amplitudes]],
+            frequency=frequency,
+            amplitude=amplitude,
+            plant=invert_eq8(frequency, amplitude, K_L, e_a),
+            sd=_deviation([plant for plant in each if plant]),
+            mean_speed=(peaks[-1].y - same_side.y) / (peaks[-1].t - same_side.t),
+        )
+
+
+def _swing(a: Peak, b: Peak) -> float:
+    return abs(a.y - b.y)
+
+
+def _deviation(plants: list[Plant]) -> Plant | None:
+    """Standard deviations of the mean, from the scatter of single cycles."""
+    if len(plants) < 2:
+        return None
+    root = math.sqrt(len(plants))
+    return Plant(stdev(p.omega_n for p in plants) / root, stdev(p.zeta for p in plants) / root)

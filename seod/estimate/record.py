@@ -1,0 +1,122 @@
+"""The newest rows of one excitation, parted into half cycles."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import deque
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from seod.estimate.quality import NoiseMeter
+from seod.estimate.switches import Switch, SwitchTracker
+
+if TYPE_CHECKING:
+    from seod.estimate.base import EstimatorSettings, Row
+
+_LARGEST = 1e9
+"""Numbers beyond this are no measurements (and their squares would overflow)."""
+_GAP_TICKS = 10.0
+_GAP_PART = 0.25
+"""A gap in time longer than 10 ticks, and than this part of a half cycle, breaks the record."""
+_NOISE_MEMORY = 1000.0
+_SAMPLES_MAX = 200_000
+
+
+class Record:
+    """Samples since some half cycles ago, and the relay's switches of the window.
+
+    Attributes:
+        times: When the samples were taken [s], ascending.
+        samples: Position [axis unit], one for each of `times`.
+        switches: The newest `window + 1` switches, with the delay known beforehand added.
+        now: When the newest row's command left [s].
+        switched: When u changed last, or when the record began [s].
+    """
+
+    def __init__(self, settings: EstimatorSettings, window: int) -> None:
+        self._settings = settings
+        self.times: list[float] = []
+        self.samples: list[float] = []
+        self.switches: deque[Switch] = deque(maxlen=window + 1)
+        self.noise = NoiseMeter()
+        self.now = self.switched = -math.inf
+        self.reference = self.e_a = self.bias = math.nan
+        self._tracker = SwitchTracker()
+        self._up: bool | None = None
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a row was taken."""
+        return self.now > -math.inf
+
+    @property
+    def durations(self) -> list[float]:
+        """Half cycles between the switches of the window [s]."""
+        switches = list(self.switches)
+        return [b.t - a.t for a, b in pairwise(switches)]
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether no new sample came for longer than a record may miss."""
+        newest = self.times[-1] if self.times else self.switched
+        return self.now - newest > self._longest_gap() + _GAP_TICKS * self._settings.period_s
+
+    def breaks(self, row: Row) -> bool:
+        """Whether `row` cannot continue this record: another set point or amplitude, or time is missing."""
+        if not self.has_begun:
+            return False
+        same = (row.reference, row.e_a, row.bias) == (self.reference, self.e_a, self.bias)
+        gap = bool(self.times) and row.fresh and row.t - self.times[-1] > self._longest_gap()
+        return not same or gap or row.t_u < self.now
+
+    def take(self, row: Row) -> Switch | None:
+        """Add one sound row.
+
+        Returns:
+            The switch before the newest one, when the half cycle that it began has just ended.
+        """
+        if not self.has_begun:
+            self.reference, self.e_a, self.bias = row.reference, row.e_a, row.bias
+            self.switched = row.t_u
+        self.now = row.t_u
+        self._add_sample(row)
+        drive = row.u - row.bias
+        if drive == 0.0:
+            return None
+        up = drive > 0.0
+        if up is not self._up:
+            self._up, self.switched = up, row.t_u
+        return self._tracker.update(row.t, row.t_u + self._settings.delay_s, up)
+
+    def since(self, t: float) -> int:
+        """Index of the first sample at or after `t`."""
+        return bisect_left(self.times, t)
+
+    def forget(self, t: float) -> None:
+        """Drop the samples before `t`."""
+        count = self.since(t)
+        del self.times[:count], self.samples[:count]
+
+    def _add_sample(self, row: Row) -> None:
+        if not row.fresh or (self.times and row.t <= self.times[-1]):
+            self.noise.skip()
+            return
+        self.times.append(row.t)
+        self.samples.append(row.y)
+        self.noise.update(row.y, _NOISE_MEMORY)
+        if len(self.times) > _SAMPLES_MAX:
+            del self.times[: _SAMPLES_MAX // 2], self.samples[: _SAMPLES_MAX // 2]
+
+    def _longest_gap(self) -> float:
+        durations = self.durations
+        return max(_GAP_TICKS * self._settings.period_s, _GAP_PART * durations[-1] if durations else 0.0)
+
+
+def sound(row: Row) -> Row | None:
+    """`row` fit for arithmetic: not fresh where its sample is no measurement, None where it tells nothing."""
+    if not all(abs(x) < _LARGEST for x in (row.u, row.t_u, row.reference, row.e_a, row.bias)):
+        return None
+    if abs(row.y) < _LARGEST and abs(row.t_u - row.t) < 1.0 and row.e_a > 0.0:
+        return row
+    return row._replace(fresh=False)
