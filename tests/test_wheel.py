@@ -20,7 +20,7 @@ SHIPPED = [
     "configs/virtual.yaml",
     "configs/can.yaml",
     "configs/motor.dbc",
-    "configs/rig.schema.json",
+    "configs/seod-rig.schema.json",
     "systemd/seod@.service",
 ]
 

@@ -1,0 +1,119 @@
+"""A bus that breaks: every failure is told, ends in neutral, and is left only by a reset."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from tools import RpcError, ip, send_raw, tc, until
+
+if TYPE_CHECKING:
+    from conftest import Bench
+    from tools import Listener
+
+CAN_ERR_FLAG = 0x20000000
+CAN_ERR_CRTL = 0x004
+CAN_ERR_BUSOFF = 0x040
+PASSIVE = 0x30
+"""data[1] of an error message: receive and transmit side are error-passive."""
+
+IN_FLIGHT = 3
+"""`max_in_flight` of rig.yaml."""
+
+
+def test_interface_down_and_up(bench: Bench, listener: Listener) -> None:
+    bench.excite()
+    ip("link", "set", "vcan0", "down")
+    fault = bench.daemon.event(event="fault")
+    assert fault["code"] in ("link", "stale_sample")
+    until("the rig's own watchdog", bench.rig_is_neutral)
+    listener.read()
+    seen = len(listener.frames)
+    ip("link", "set", "vcan0", "up")
+    until("commands again", lambda: len(listener.read()) > seen + 20)
+    assert {frame.volts for frame in listener.frames[seen:]} == {0.0}
+    assert bench.state() == "fault"
+    with pytest.raises(RpcError, match="reset first"):
+        bench.daemon.call("start")
+    bench.recover()
+    bench.excite()
+    assert bench.counters()["interface_down"] > 0
+
+
+def test_bus_off_is_a_fault(bench: Bench) -> None:
+    bench.excite()
+    before = bench.counters()["bus_off"]
+    send_raw(CAN_ERR_FLAG | CAN_ERR_BUSOFF, bytes(8))
+    fault = bench.daemon.event(event="fault")
+    assert fault["code"] == "link"
+    assert "bus" in fault["why"]
+    until("neutral", bench.rig_is_neutral)
+    until("the counter", lambda: bench.counters()["bus_off"] == before + 1)
+
+
+def test_error_frames_are_counted(bench: Bench) -> None:
+    bench.excite()
+    before = bench.counters()
+    for _ in range(5):
+        send_raw(CAN_ERR_FLAG | CAN_ERR_CRTL, bytes([0, PASSIVE, 0, 0, 0, 0, 0, 0]))
+    until("the counters", lambda: bench.counters()["error_passive"] > before["error_passive"])
+    until("each frame", lambda: bench.counters()["error_frames"] == before["error_frames"] + 5)
+
+
+def test_a_full_queue_is_a_fault_and_no_stale_command_leaves_it(
+    bench: Bench, listener: Listener, slow_bus: None
+) -> None:
+    bench.excite()
+    until("commands", lambda: len(listener.read()) > 100)
+    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
+    fault = bench.daemon.event(event="fault")
+    until("neutral on the bus", lambda: listener.read()[-1].volts == 0.0)
+    late = [frame for frame in listener.frames if frame.t > fault["t"] and frame.volts != 0.0]
+    assert len(late) <= IN_FLIGHT
+    neutral = next(
+        i for i, frame in enumerate(listener.frames) if frame.t > fault["t"] and frame.volts == 0.0
+    )
+    time.sleep(0.5)  # long enough for what the queue held to leave it
+    assert {frame.volts for frame in listener.read()[neutral:]} == {0.0}
+
+
+def test_no_room_to_send_is_counted(bench: Bench, slow_bus: None) -> None:
+    bench.excite()
+    before = bench.counters()
+    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
+    bench.daemon.event(event="fault")
+    until(
+        "ENOBUFS or commands held back",
+        lambda: sum(bench.counters()[n] - before[n] for n in ("no_buffers", "deferred")) > 0,
+    )
+
+
+def test_a_silent_sensor_is_a_fault(bench: Bench) -> None:
+    bench.excite()
+    bench.rig.call("stop")
+    fault = bench.daemon.event(event="fault")
+    assert fault["code"] in ("stale_sample", "estop")  # both channels are in the same message
+    until("neutral", bench.rig_is_neutral)
+
+
+def test_a_frozen_sensor_is_a_fault(bench: Bench) -> None:
+    bench.excite()
+    bench.rig.call("freeze")
+    fault = bench.daemon.event(event="fault")
+    assert fault["code"] == "frozen_sensor"
+    assert fault["numbers"]["still_s"] > fault["numbers"]["limit_s"]
+    until("neutral", bench.rig_is_neutral)
+
+
+def test_the_estop_line_stops_the_rig_and_keeps_it_stopped(bench: Bench) -> None:
+    bench.excite()
+    bench.rig.call("constant", channel="Encoder.run_enable", value=0.0)
+    assert bench.daemon.event(event="fault")["code"] == "estop"
+    until("neutral", bench.rig_is_neutral)
+    bench.daemon.call("reset")
+    with pytest.raises(RpcError, match="e-stop"):
+        bench.daemon.call("start")
+    bench.rig.call("constant", channel="Encoder.run_enable", value=1.0)
+    until("the line", lambda: bench.daemon.call("status")["health"]["sample_age_s"] < 0.01)
+    bench.excite()

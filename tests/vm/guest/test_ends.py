@@ -1,0 +1,60 @@
+"""How a daemon ends, and what it refuses: always at neutral."""
+
+from __future__ import annotations
+
+import os
+import signal
+from typing import TYPE_CHECKING
+
+import pytest
+from conftest import run_daemon
+from tools import CONFIG, REPO, find_process, kill, until
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from conftest import Bench
+    from tools import Listener, Rpc
+
+LOOP, GATEWAY = "seod.loop_process", "seod.gateway"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_told_end_is_neutral_and_clean(
+    own_bench: Bench, listener: Listener, number: signal.Signals
+) -> None:
+    bench = own_bench
+    bench.excite()
+    os.kill(bench.program.pid, number)
+    assert bench.program.wait() == 0
+    assert listener.read()[-1].volts == 0.0
+    assert bench.rig_is_neutral()
+    assert not find_process(LOOP)
+    assert not find_process(GATEWAY)
+
+
+def test_sigkill_of_the_supervisor(own_bench: Bench, listener: Listener) -> None:
+    bench = own_bench
+    bench.excite()
+    kill(bench.program.pid, signal.SIGKILL)
+    until("the end of the others", lambda: not find_process(LOOP) and not find_process(GATEWAY))
+    assert listener.read()[-1].volts == 0.0
+    assert bench.rig_is_neutral()
+
+
+def test_a_wrong_sign_is_found_before_the_loop_is_closed(
+    rig: Rpc, tmp_path: Path, listener: Listener
+) -> None:
+    text = CONFIG.read_text().replace("../../..", str(REPO))
+    config = tmp_path / "wrong.yaml"
+    config.write_text(
+        text.replace("    channel: Valve.voltage\n", "    channel: Valve.voltage\n    scale: -1\n")
+    )
+    with run_daemon(rig, config, tmp_path) as bench:
+        bench.daemon.call("start")
+        polarity = bench.daemon.event(event="polarity")
+        assert polarity["ok"] is False
+        assert bench.daemon.event(event="fault")["code"] == "polarity"
+        until("neutral", bench.rig_is_neutral)
+        signs = {frame.volts > 0 for frame in listener.read() if frame.volts}
+        assert len(signs) == 1, "one pulse, one direction: the relay never switched"

@@ -1,0 +1,136 @@
+"""The systemd unit as shipped: it becomes active, is watched, restarts a hung daemon and stops at neutral."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from conftest import PORT
+from tools import CONFIG, REPO, SEOD, Rpc, kill, port_open, until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tools import Listener
+
+UNIT = "seod@can.service"
+RIG_FILES = Path("/etc/seod")
+UNITS = Path("/etc/systemd/system")
+
+
+def systemctl(*arguments: str) -> str:
+    """Standard output; stays on the test's own log if it fails."""
+    return subprocess.run(["systemctl", *arguments], check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def rig_file() -> str:
+    """The guest's rig file for a folder that has its DBC."""
+    return CONFIG.read_text().replace("../../../configs/", "")
+
+
+def property_of(name: str) -> str:
+    """One property of the unit."""
+    return systemctl("show", "--value", "-p", name, UNIT).strip()
+
+
+@pytest.fixture(scope="module")
+def installed() -> None:
+    """Unit, rig file and an override that starts this checkout's environment instead of /opt/seod."""
+    RIG_FILES.mkdir(exist_ok=True)
+    shutil.copy(REPO / "configs" / "motor.dbc", RIG_FILES)
+    (RIG_FILES / "can.yaml").write_text(rig_file())
+    shutil.copy(REPO / "systemd" / "seod@.service", UNITS)
+    override = UNITS / f"{UNIT}.d"
+    override.mkdir(parents=True)
+    # The environment may lie in a home or under /tmp, which the unit hides: show it these.
+    folders = {str(REPO), sys.prefix, sys.base_prefix}
+    (override / "here.conf").write_text(
+        f"[Service]\nExecStart=\nExecStart={SEOD} run {RIG_FILES}/%i.yaml\n"
+        f"ProtectHome=tmpfs\nBindReadOnlyPaths={' '.join(folders)}\n"
+    )
+    systemctl("daemon-reload")
+
+
+@pytest.fixture
+def unit(installed: None, rig: Rpc) -> Iterator[Rpc]:
+    """A client of the daemon that systemd started."""
+    systemctl("start", UNIT)  # returns once the daemon says READY=1
+    daemon = Rpc(PORT)
+    yield daemon
+    daemon.close()
+    systemctl("stop", UNIT)
+    systemctl("reset-failed")
+    log = subprocess.run(["journalctl", "-q", "-u", UNIT], check=False, stdout=subprocess.PIPE, text=True)
+    print(log.stdout)
+
+
+def excite(daemon: Rpc) -> None:
+    """Start, and wait for an estimate that is good."""
+    daemon.call("start")
+    daemon.call("subscribe", topics=["estimate"])
+    daemon.wait_for("an ok estimate", lambda m: m.get("params", {}).get("quality") == "ok")
+
+
+def test_it_runs_and_measures_and_stops_at_neutral(unit: Rpc, rig: Rpc, listener: Listener) -> None:
+    assert property_of("ActiveState") == "active"
+    assert unit.call("info")["realtime"]["ok"], unit.call("info")["realtime"]["why"]
+    excite(unit)
+    truth = rig.call("truth")["motor"]
+    estimate = unit.call("get", axis="motor")["estimate"]
+    assert abs(estimate["omega_n"] / truth["omega_n"] - 1.0) < 0.05
+    systemctl("stop", UNIT)
+    assert property_of("Result") == "success"
+    assert listener.read()[-1].volts == 0.0
+    assert rig.call("state")["plants"]["motor"]["voltage"] == 0.0
+    assert not port_open(PORT)
+
+
+def test_it_does_not_run_as_root(unit: Rpc) -> None:
+    del unit
+    status = Path(f"/proc/{property_of('MainPID')}/status").read_text()
+    uid = next(line for line in status.splitlines() if line.startswith("Uid:")).split()[1]
+    assert uid != "0"
+
+
+def test_its_watchdog_is_fed(unit: Rpc) -> None:
+    """Longer than the watchdog's time goes by, and the same process still runs."""
+    first = property_of("MainPID")
+    fed = property_of("WatchdogTimestampMonotonic")
+    ticks = unit.call("status")["health"]["ticks"]
+    until("five seconds of ticks", lambda: unit.call("status")["health"]["ticks"] > ticks + 500)
+    assert property_of("WatchdogTimestampMonotonic") != fed
+    assert property_of("MainPID") == first
+    assert property_of("NRestarts") == "0"
+
+
+def test_a_supervisor_that_hangs_is_restarted(unit: Rpc, rig: Rpc) -> None:
+    excite(unit)
+    first = property_of("MainPID")
+    kill(int(first), signal.SIGSTOP)
+    until("a new process", lambda: property_of("MainPID") not in (first, "0"))
+    until("active again", lambda: property_of("ActiveState") == "active")
+    assert property_of("NRestarts") == "1"
+    assert rig.call("state")["plants"]["motor"]["voltage"] == 0.0
+    again = Rpc(PORT)
+    assert again.call("get", axis="motor")["state"] == "idle"
+    again.close()
+
+
+def test_a_wrong_rig_file_fails_with_its_reason(installed: None) -> None:
+    (RIG_FILES / "wrong.yaml").write_text(rig_file().replace("rate_hz: 100", "rate_hz: -1"))
+    started = subprocess.run(["systemctl", "start", "seod@wrong"], check=False)
+    assert started.returncode != 0
+    systemctl("stop", "seod@wrong")
+    log = subprocess.run(
+        ["journalctl", "-q", "-o", "json", "-u", "seod@wrong"], check=True, stdout=subprocess.PIPE, text=True
+    )
+    said = "\n".join(str(json.loads(line)["MESSAGE"]) for line in log.stdout.splitlines())
+    assert "rate_hz" in said
+    assert os.fspath(RIG_FILES / "wrong.yaml") in said
