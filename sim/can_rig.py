@@ -103,33 +103,49 @@ class CanRig:
         """Give the bus back."""
         self._link.close()
 
-    def step(self, longest: float) -> None:
-        """Wait for a command or for the sensors' turn, for `longest` [s] at most, and do what is due."""
-        now = self._clock()
-        wake = min(self._next_turn, self.faults.next_due(), now + longest)
-        self._receive(max(0.0, wake - now))
-        now = self._clock()
+    def step(self, now: float, longest: float) -> float:
+        """Take commands until the sensors' turn, for `longest` [s] at most, then send what is due.
+
+        Args:
+            now: The time at which it begins [s].
+            longest: How long it may take [s].
+
+        Returns:
+            The time at which it ended [s]: looking at the clock is what it does most, so it hands it on.
+        """
+        self._link.reopen(now)
+        now = self._receive(now, now + longest)
         if now >= self._next_turn:
             self._measure(now)
-            self._next_turn += self._period
-            if now >= self._next_turn:  # turns that were missed are left out, not made up
-                self.counts["late_sensors"] += 1
-                self._next_turn += ((now - self._next_turn) // self._period + 1.0) * self._period
-        self._send(now)
+            self._plan(now)
+        if self.faults.next_due() <= now:
+            self._send(now)
+            now = self._clock()
+        return now
 
-    def _receive(self, timeout: float) -> None:
-        self._link.reopen(self._clock())
-        if timeout and (self._link.down or not self._link.is_open):
-            time.sleep(min(timeout, DOWN_PAUSE_S))
-            timeout = 0.0
-        message = self._link.receive(timeout)
-        for _ in range(BURST):
+    def _plan(self, now: float) -> None:
+        """The next turn; those that were missed are left out, not made up."""
+        self._next_turn += self._period
+        if now >= self._next_turn:
+            self.counts["late_sensors"] += 1
+            self._next_turn += ((now - self._next_turn) // self._period + 1.0) * self._period
+
+    def _receive(self, now: float, until: float) -> float:
+        """Take frames until something is due; returns the time then [s]."""
+        for taken in range(BURST):
+            left = max(0.0, min(until, self._next_turn, self.faults.next_due()) - now)
+            if left and (self._link.down or not self._link.is_open):
+                time.sleep(min(left, DOWN_PAUSE_S))
+                left = 0.0
+            message = self._link.receive(left)
+            now = self._clock()
             if message is None:
-                self._stamps.drained()
-                return
+                if taken:
+                    self._stamps.drained()
+                break
             if not message.is_error_frame and not message.is_remote_frame:
                 self._take(self._stamps.to_loop(message.timestamp), message)
-            message = self._link.receive()
+        return now
 
     def _take(self, t: float, message: can.Message) -> None:
         key = (message.arbitration_id, message.is_extended_id)

@@ -100,6 +100,12 @@ class FaultLine:
     def put(self, t: float, frame: Frame) -> None:
         """A frame leaves the sensor at `t` [s]."""
         self._pattern = frame
+        if self.active:
+            self._strike(t, frame)
+        else:
+            self._release(t, frame)
+
+    def _strike(self, t: float, frame: Frame) -> None:
         message = frame.message
         if self.hits("stop", message) or self.hits("drop", message):
             return
@@ -108,9 +114,12 @@ class FaultLine:
         if message not in self._held and self.hits("reorder", message):
             self._held[message] = frame
             return
-        due = t + (self.active["delay"].seconds or 0.0) if self.hits("delay", message) else t
+        late = self.active["delay"].seconds or 0.0 if self.hits("delay", message) else 0.0
+        self._release(t + late, frame)
+
+    def _release(self, due: float, frame: Frame) -> None:
         self._enqueue(due, frame)
-        held = self._held.pop(message, None)
+        held = self._held.pop(frame.message, None) if self._held else None
         if held is not None:
             self._enqueue(due, held)
 

@@ -54,17 +54,19 @@ class RigProcess:
         """Tell on stdout, in one line of JSON, that the rig is there."""
         print(json.dumps({"rig": "ready", **facts, "realtime": be_punctual()}), flush=True)  # noqa: T201 - its output
 
-    def repeat(self, step: Callable[[float], None], poll: Callable[[], None]) -> None:
-        """Call `step` with the longest time that it may take [s], and `poll` between steps, to the end."""
-        next_poll = 0.0
-        while not self._ended:
-            now = time.monotonic()
+    def repeat(self, step: Callable[[float, float], float], poll: Callable[[], None]) -> None:
+        """Call `step` again and again, and `poll` now and then.
+
+        Args:
+            step: Takes the time and the longest time that it may take; returns the time at its end [s].
+            poll: Looks after the control port without waiting.
+        """
+        now = next_poll = time.monotonic()
+        while not self._ended and now < self._end:
             if now >= next_poll:
-                if now >= self._end:
-                    return
                 poll()
                 next_poll = now + POLL_S
-            step(POLL_S)
+            now = step(now, POLL_S)
 
 
 def be_punctual() -> bool:

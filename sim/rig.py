@@ -40,7 +40,7 @@ class Actuator:
         last_command: When the newest of them came [s]; None before the first.
         trips: How often the watchdog tripped.
         neutral_since: Since when the voltage has been neutral [s]; None while it is not.
-        commands_since_neutral: Commands after the one (or the trip) that made it neutral.
+        commands_since_neutral: Commands after the one (or the trip) that made it neutral; 0 while it is not.
         history: The last commands as (time [s], volts asked for).
     """
 
@@ -101,6 +101,7 @@ class Actuator:
         self.voltage = volts
         if volts != NEUTRAL:
             self.neutral_since = None
+            self.commands_since_neutral = 0
         elif self.neutral_since is None:
             self.neutral_since = self.t
             self.commands_since_neutral = 0

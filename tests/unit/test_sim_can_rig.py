@@ -19,7 +19,7 @@ from drivers.can_config import CanOptions
 from sim.back_door import BackDoor
 from sim.can_rig import CanRig, run
 from sim.config import SimulationConfig
-from sim.process import RigProcess
+from sim.process import POLL_S, RigProcess
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -63,17 +63,23 @@ class Peer:
 
     def __init__(self, options: CanOptions, simulation: SimulationConfig) -> None:
         self.stopped_clock: float | None = None
-        self.rig = CanRig(options, simulation, lambda: self.stopped_clock or time.monotonic())
+        self.rig = CanRig(options, simulation, self.now)
         self.rig.open()
         names = [message.name for message in self.rig.messages]
         self.door = BackDoor(self.rig.rig, self.rig.faults, names, self.rig.state, time.monotonic)
-        self.bus = can.Bus(interface="virtual", channel=options.channel, receive_own_messages=False)
+        self.bus = can.Bus(interface="virtual", channel=options.channel, ignore_config=True)
         self.codec = CanCodec(options)
         self.sent = 0
 
     def close(self) -> None:
         self.bus.shutdown()
         self.rig.close()
+
+    def now(self) -> float:
+        return self.stopped_clock or time.monotonic()
+
+    def step(self, longest: float) -> None:
+        self.rig.step(self.now(), longest)
 
     def command(self, volts: float, counter: int | None = None, damage: int = 0) -> None:
         data = bytearray(
@@ -90,7 +96,7 @@ class Peer:
         for _ in range(TURNS):
             if condition():
                 return
-            self.rig.step(0.005)
+            self.step(0.005)
         raise AssertionError(f"never came; the rig says {self.rig.state()}")
 
     def frames(self, count: int) -> list[can.Message]:
@@ -113,7 +119,7 @@ class Peer:
 
     def nothing_comes(self) -> bool:
         for _ in range(10):
-            self.rig.step(0.002)
+            self.step(0.002)
         return self.bus.recv(0) is None
 
     def state(self) -> Any:
@@ -261,7 +267,7 @@ def test_turns_that_were_missed_are_not_made_up(connect: Callable[..., Peer]) ->
     late_before = peer.rig.counts["late_sensors"]
     peer.stopped_clock = time.monotonic() + 0.05  # fifty turns later, all at once
     for _ in range(10):
-        peer.rig.step(0.0)
+        peer.step(0.0)
     sent = list(iter(lambda: peer.bus.recv(0), None))
     assert [m.arbitration_id for m in sent].count(0x101) == 1
     assert peer.rig.counts["late_sensors"] == late_before + 1
@@ -328,10 +334,11 @@ def test_a_signal_ends_the_process_after_the_step(number: signal.Signals) -> Non
     steps = []
     with RigProcess(None) as process:
 
-        def step(longest: float) -> None:
+        def step(now: float, longest: float) -> float:
             steps.append(longest)
             if len(steps) == 3:
                 os.kill(os.getpid(), number)
+            return now
 
         process.repeat(step, lambda: None)
     assert len(steps) == 3
@@ -340,6 +347,6 @@ def test_a_signal_ends_the_process_after_the_step(number: signal.Signals) -> Non
 
 def test_a_duration_ends_the_process() -> None:
     polls = []
-    with RigProcess(0.02) as process:
-        process.repeat(time.sleep, lambda: polls.append(1))
-    assert polls
+    with RigProcess(60.0) as process:
+        process.repeat(lambda now, longest: now + longest, lambda: polls.append(1))
+    assert len(polls) == pytest.approx(60.0 / POLL_S, rel=0.05)

@@ -96,6 +96,7 @@ def test_a_rig_that_was_never_commanded_has_not_tripped() -> None:
 def test_commands_after_neutral_are_counted_and_remembered() -> None:
     rig = make_rig()
     rig.apply(START + 0.001, {"valve": 0.5})
+    assert rig.state(START + 0.001)["motor"]["commands_since_neutral"] == 0
     rig.apply(START + 0.002, {"valve": 0.0})
     assert rig.state(START + 0.003)["motor"]["commands_since_neutral"] == 0
     rig.apply(START + 0.004, {"valve": 0.0})
