@@ -77,7 +77,8 @@ def judge(text: str) -> RigConfig | None:
         assert str(check(config))
         return config
     assert mistakes.errors
-    assert all(1 <= error.line <= text.count("\n") + 1 and error.message for error in mistakes.errors)
+    lines = len(re.split("\r\n|[\n\r\x85\u2028\u2029]", text))
+    assert all(1 <= error.line <= lines and error.message for error in mistakes.errors)
     return None
 
 
