@@ -70,7 +70,7 @@ def check(config: RigConfig) -> Report:
         from seod.config.traffic import can_traffic  # noqa: PLC0415 - cantools takes long to import
 
         bus, unknown = can_traffic(config)
-        refusals += [*_overfull(bus), *_too_slow(config, bus)]
+        refusals += [*_overfull(bus), *_without_fd(config, bus), *_too_slow(config, bus)]
         warnings += [*_full(bus), *_uncounted(unknown)]
     warnings += [*_safety(config), *_simulated(config)]
     return Report(_summary(config), bus, tuple(refusals), tuple(warnings))
@@ -80,6 +80,12 @@ def _overfull(bus: Bus) -> Iterator[str]:
     if bus.load() >= REFUSE_LOAD:
         remedy = "lower loop.rate_hz, or use a faster bus, CAN FD or shorter frames"
         yield f"the bus {bus.name} would be {bus.load():.0%} busy with worst-case bit stuffing: {remedy}"
+
+
+def _without_fd(config: RigConfig, bus: Bus) -> Iterator[str]:
+    for frame in bus.frames:
+        if frame.fd and not config.driver["fd"]:
+            yield f"{frame.name} is an FD frame: set driver.fd: true, or make it classic in the DBC"
 
 
 def _full(bus: Bus) -> Iterator[str]:

@@ -123,6 +123,8 @@ def test_fd_messages_of_the_dbc_are_fd_frames(tmp_path) -> None:
     form = 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","StandardCAN_FD","ExtendedCAN_FD";\n'
     form += 'BA_DEF_DEF_ "VFrameFormat" "StandardCAN";\nBA_ "VFrameFormat" BO_ 513 2;\n'
     (tmp_path / "motor.dbc").write_text(dbc + form)
+    refusals = check(load_text(CAN, "x.yaml", tmp_path)).refusals
+    assert refusals == ("Valve is an FD frame: set driver.fd: true, or make it classic in the DBC",)
     text = CAN.replace("dbc: motor.dbc", "dbc: motor.dbc\n  fd: true\n  data_bitrate: 4000000\n#")
     bus = can_traffic(load_text(text, "x.yaml", tmp_path)).bus
     assert {frame.name: frame.fd for frame in bus.frames} == {
