@@ -10,14 +10,13 @@ import json
 import os
 import select
 import signal
-import socket
-import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from drivers.neutral import NeutralWriter, open_neutral
+from seod.child import Child
 from seod.process import ChildArguments, die_with_parent, receive_json, send_json
 from seod.realtime import lock_memory, set_fifo
 from seod.ring import Shared, Word
@@ -27,7 +26,6 @@ GATEWAY_RESTARTS = 5
 STILL_POLLS = 4
 """The loop hangs if it did not tick over this many polls in a row (a paused machine pauses the polls too)."""
 START_TIMEOUT_S = 30.0
-STOP_TIMEOUT_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -57,43 +55,6 @@ class SupervisorArguments:
     duration: float | None
     record: str | None
     parent: int | None
-
-
-class Child:
-    """A child process with its pidfd and its socket."""
-
-    def __init__(self, module: str, arguments: ChildArguments) -> None:
-        self.link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            mine = replace(arguments, supervisor_fd=theirs.fileno())
-            self.process = subprocess.Popen(  # noqa: S603 - our own module
-                mine.command(module),
-                pass_fds=(mine.config_fd, mine.shared_fd, mine.supervisor_fd),
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,  # ctrl-C in a terminal is for the supervisor to act on, in order
-            )
-        self.pidfd = os.pidfd_open(self.process.pid)
-        self.ready = False
-        self.failure = ""
-
-    def signal(self, number: signal.Signals) -> None:
-        """Signal exactly this process, never another that got its number."""
-        try:
-            signal.pidfd_send_signal(self.pidfd, number)
-        except ProcessLookupError:
-            return
-
-    def end_of(self) -> str:
-        """How the process ended, for people. Waits for it."""
-        code = self.process.wait()
-        if code < 0:
-            return f"killed by signal {-code} ({signal.Signals(-code).name})"
-        return self.failure or f"ended with exit code {code}"
-
-    def close(self) -> None:
-        """Give the descriptors back."""
-        os.close(self.pidfd)
-        self.link.close()
 
 
 class Supervisor:
@@ -336,23 +297,13 @@ class Supervisor:
         """Loop first (it writes neutral), our own neutral after it, then the gateway."""
         notify("STOPPING=1")
         if self.loop is not None:
-            self.end(self.loop)
+            self.loop.end()
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
-            self.end(self.gateway)
+            self.gateway.end()
         self.neutral.close()
-
-    def end(self, child: Child) -> None:
-        """SIGTERM, and SIGKILL if that does not help in time."""
-        child.signal(signal.SIGTERM)
-        try:
-            child.process.wait(STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            child.signal(signal.SIGKILL)
-            child.process.wait()
-        child.close()
 
 
 def say(text: str) -> None:

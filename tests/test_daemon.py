@@ -201,3 +201,46 @@ def test_as_fast_as_it_can_nothing_is_lost(rig_file: Path, tmp_path: Path) -> No
     times = [float(line.split(",")[column]) for line in lines[1:]]
     steps = {round(b - a, 9) for a, b in pairwise(times)}
     assert steps == {5e-4}
+
+
+@pytest.mark.parametrize(("rate", "pace"), [(100, "timer"), (2000, "sensor"), (10_000, "timer")])
+def test_rates_and_paces(rig_file: Path, rate: int, pace: str) -> None:
+    text = (
+        rig_file.read_text()
+        .replace("rate_hz: 2000 ", f"rate_hz: {rate} ")
+        .replace("pace: timer", f"pace: {pace}")
+    )
+    text = text.replace("stale: 10 ms", "stale: 50 ms").replace(
+        "count: 150, window: 100 ms", "count: 9, window: 100 ms"
+    )
+    if rate == 100:  # ten samples a cycle are too few for the relay: a slower plant
+        text = (
+            text.replace("omega_n: 117", "omega_n: 11.7")
+            .replace("0.45 rad ", "0.9 rad ")
+            .replace("e_a: 0.5", "e_a: 0.1")
+        )
+    rig_file.write_text(text)
+    with running(rig_file) as daemon:
+        before = daemon.rpc.call("status")["health"]
+        until("a second", lambda: daemon.rpc.call("status")["health"]["t"] > before["t"] + 1.0)
+        after = daemon.rpc.call("status")["health"]
+        ticks = (after["ticks"] - before["ticks"]) / (after["t"] - before["t"])
+        assert ticks == pytest.approx(rate, rel=0.25)  # a busy machine skips ticks
+
+
+def test_loop_and_supervisor_are_real_time_and_the_gateway_never(rig_file: Path) -> None:
+    with running(rig_file) as daemon:
+        realtime = daemon.rpc.call("info")["realtime"]
+        policies = {
+            name: os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
+            for name, pid in (
+                ("supervisor", daemon.program.pid),
+                ("loop", daemon.child("seod.loop_process")),
+                ("gateway", daemon.child("seod.gateway")),
+            )
+        }
+    assert policies["gateway"] == os.SCHED_OTHER
+    if realtime["ok"]:
+        assert policies["loop"] == policies["supervisor"] == os.SCHED_FIFO
+    else:
+        assert any("refused" in why for why in realtime["why"])
