@@ -84,7 +84,7 @@ def _overfull(bus: Bus) -> Iterator[str]:
 
 def _without_fd(config: RigConfig, bus: Bus) -> Iterator[str]:
     for frame in bus.frames:
-        if frame.fd and not config.driver["fd"]:
+        if frame.fd and not config.driver.get("fd", False):
             yield f"{frame.name} is an FD frame: set driver.fd: true, or make it classic in the DBC"
 
 
