@@ -100,6 +100,7 @@ class Rig:
         self.buses: list[FakeBus] = []
         self.asked: list[dict[str, object]] = []
         self.open_error: Exception | None = None
+        self.attempts = 0
         monkeypatch.setattr(drivers.can_link.can, "Bus", self._open)
         monkeypatch.setattr(socket, "if_nametoindex", lambda name: 1)
         self.driver = CanDriver(options(**{"interface": "socketcan", **changes}), self.clock)
@@ -109,6 +110,7 @@ class Rig:
         self.driver._stamps._offset = self.driver._stamps._offset_before = 1e9
 
     def _open(self, **asked: object) -> FakeBus:
+        self.attempts += 1
         if self.open_error is not None:
             raise self.open_error
         self.asked.append(asked)
@@ -326,8 +328,9 @@ def test_without_echo_nothing_is_bounded(make: Callable[..., Rig]) -> None:
 
 def test_commands_that_do_not_leave_are_trouble_until_they_do(rig: Rig) -> None:
     rig.bus.echo = False
-    for _ in range(110):
+    for _ in range(1500):
         rig.tick(1.0)
+    assert len(rig.bus.sent) <= 7  # attempts become rarer: all of them will leave one day
     assert "do not leave the bus" in rig.driver.trouble
     assert rig.count("unconfirmed") == 1
     assert {volts for volts, _ in rig.bus.commands()[3:]} == {0.0}  # only neutral tries the bus
@@ -449,6 +452,7 @@ def test_a_deleted_interface_is_taken_again_at_a_bounded_rate(rig: Rig, code: in
         rig.tick(2.0)
     assert "is gone" in rig.driver.trouble
     assert rig.buses[0].closed
+    assert rig.attempts <= 4  # one at the start, then two a second
     rig.open_error = None
     for _ in range(600):
         rig.tick(3.0)
@@ -480,6 +484,34 @@ def test_bus_off_holds_everything_until_the_restart(rig: Rig) -> None:
     assert rig.driver.trouble == ""
     assert [volts for volts, _ in rig.bus.commands()] == [1.0, 0.0, 4.0]
     assert (rig.count("bus_off"), rig.count("restarted"), rig.count("error_frames")) == (1, 1, 2)
+
+
+def test_taking_the_interface_down_and_up_ends_bus_off(rig: Rig) -> None:
+    rig.error_frame(0x40)
+    rig.tick(1.0)
+    rig.bus.incoming.append(down())
+    for _ in range(20):
+        rig.tick(2.0)
+    assert rig.driver.trouble == ""
+    assert rig.bus.commands()[0][0] == 0.0
+    assert rig.bus.commands()[-1][0] == 2.0
+
+
+def test_what_a_failed_interface_held_is_not_waited_for(rig: Rig) -> None:
+    rig.bus.echo = False
+    for _ in range(3):
+        rig.tick(1.0)
+    rig.bus.send_error = down()
+    rig.bus.incoming.append(down())
+    for _ in range(200):
+        rig.tick(2.0)
+    rig.bus.send_error = None
+    rig.bus.echo = True
+    for _ in range(20):
+        rig.tick(2.0)
+    assert rig.count("unconfirmed") == 0
+    assert rig.count("deferred") == 0
+    assert rig.bus.commands()[-1][0] == 2.0
 
 
 def test_bus_off_and_restart_between_two_ticks_still_means_neutral_first(rig: Rig) -> None:
