@@ -68,6 +68,12 @@ def test_the_dbc_is_found_from_the_rig_files_folder() -> None:
     assert config.driver["dbc"] == str(configs_dir() / "motor.dbc")
 
 
+def test_a_driver_section_is_handed_on_as_given_because_a_written_null_means_something() -> None:
+    text = edited(CAN, "    Supply:\n", "    Supply:\n      counter: null\n")
+    messages = load_text(text, "x.yaml", configs_dir()).driver["messages"]
+    assert messages == {"Encoder": {"rate_hz": 2000.0}, "Supply": {"counter": None, "rate_hz": 100.0}}
+
+
 SHAPE = [
     ("rate_hz: 2000 ", "rate_hz: 50 Hz ", "loop.rate_hz", 'must be >= 100, got "50 Hz"'),
     ("rate_hz: 2000 ", "rate_hz: .nan ", "loop.rate_hz", "must be"),
