@@ -21,7 +21,7 @@ def _crc_table(polynomial: int) -> bytes:
 _J1850 = _crc_table(0x1D)
 
 
-def xor8(data: bytes) -> int:
+def xor8(data: bytes | bytearray) -> int:
     """Exclusive or of all bytes."""
     result = 0
     for byte in data:
@@ -29,12 +29,12 @@ def xor8(data: bytes) -> int:
     return result
 
 
-def sum8(data: bytes) -> int:
+def sum8(data: bytes | bytearray) -> int:
     """Sum of all bytes modulo 256."""
     return sum(data) & 0xFF
 
 
-def crc8_j1850(data: bytes) -> int:
+def crc8_j1850(data: bytes | bytearray) -> int:
     """CRC-8 of SAE J1850: polynomial 0x1D, start and final exclusive or 0xFF, nothing reflected."""
     crc = 0xFF
     for byte in data:
@@ -42,4 +42,8 @@ def crc8_j1850(data: bytes) -> int:
     return crc ^ 0xFF
 
 
-CHECKSUMS: dict[str, Callable[[bytes], int]] = {"xor8": xor8, "sum8": sum8, "crc8_j1850": crc8_j1850}
+CHECKSUMS: dict[str, Callable[[bytes | bytearray], int]] = {
+    "xor8": xor8,
+    "sum8": sum8,
+    "crc8_j1850": crc8_j1850,
+}

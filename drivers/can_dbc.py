@@ -140,7 +140,9 @@ class Layout:
             )
         return 1 << signal.length
 
-    def _checksum(self, options: MessageOptions | None) -> tuple[str | None, Callable[[bytes], int]]:
+    def _checksum(
+        self, options: MessageOptions | None
+    ) -> tuple[str | None, Callable[[bytes | bytearray], int]]:
         explicit = options is not None and options.checksum is not None
         kind: Any = options.checksum_kind if options else None
         if kind is None and self.message.dbc is not None:
