@@ -146,3 +146,27 @@ def test_a_quantised_reading_is_the_nearest_whole_step(value: float) -> None:
     reading = Sensor(0.0, 0.25, Random(1)).read(value)
     assert reading % 0.25 == 0.0
     assert abs(reading - value) <= 0.125
+
+
+@pytest.mark.parametrize(
+    ("zeta", "xi", "gamma"),
+    [(0.2, 0.99872, 1.27573), (0.45, 0.99398, 1.28499), (1.0, 0.97801, 1.31663), (4.0, 0.93477, 1.41561)],
+)
+def test_under_an_ideal_relay_it_has_the_known_limit_cycle(zeta: float, xi: float, gamma: float) -> None:
+    # xi = omega_s / omega_n and gamma = V_s 2 zeta omega_n / (K_L e_a), from the exact half-period map.
+    plant, dt, t, volts = LinearPlant(17.0, 100.0, zeta), 1e-4, 0.0, 0.5
+    upward, highest = [], 0.0
+    for step in range(20_000):
+        plant.advance(dt, volts)
+        t += dt
+        if plant.position * volts > 0.0:  # past zero: back to the crossing, so that the relay has no lag
+            for _newton in range(3):
+                overshoot = plant.position / plant.velocity
+                plant.advance(-overshoot, volts)
+                t -= overshoot
+            upward += [t] if volts > 0.0 else []
+            volts = -volts
+        highest = max(highest, plant.position) if step > 10_000 else 0.0
+    omega_s = 2 * math.pi * 10 / (upward[-1] - upward[-11])
+    assert omega_s / 100.0 == pytest.approx(xi, rel=1e-4)
+    assert highest * 2 * zeta * 100.0 / (17.0 * 0.5) == pytest.approx(gamma, rel=1e-4)
