@@ -201,14 +201,8 @@ class Shared:
         """Unmap and close."""
         for ring in (self.row_ring, self.events, self.commands):
             ring.release()
-        for view in (
-            self.words,
-            self.floats,
-            self.lateness,
-            self.execution,
-            self.counters,
-            *self._views[::-1],
-        ):
+        words: list[memoryview[Any]] = [self.words, self.floats, self.lateness, self.execution, self.counters]
+        for view in [*words, *self._views[::-1]]:
             view.release()
         self.map.close()
         os.close(self.fd)
