@@ -69,6 +69,7 @@ class Loop:
         self.samples: Sequence[Sample] = ()
         self.log = RowLog(shared, self.axes)
         self.meter = TickMeter(shared, driver, self.period)
+        self.in_force = pacer.now(), [0.0] * len(self.axes)
         self.ending = False
         shared.commands.skip_to_head()
         shared.words[Word.GENERATION] = generation
@@ -120,7 +121,7 @@ class Loop:
         )
 
     def write(self, t: float, asked: list[float]) -> tuple[float, list[float]]:
-        """Send what the guard passes, or neutral where nothing may move; when it left [s], and the volts."""
+        """Send what the guard passes, or neutral; returns the command in force: when it left [s], volts."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         if any(axis.active for axis in self.axes):
@@ -131,7 +132,9 @@ class Loop:
             volts = [0.0] * len(self.axes)
             left = self.driver.neutral(t)
         self.shared.words[Word.COMMANDS_SENT] = self.driver.commands_sent
-        return left, volts
+        if not math.isnan(left):  # else nothing left, and the command before is still in force
+            self.in_force = left, volts
+        return self.in_force
 
     def obey(self, t: float) -> None:
         """Carry out the commands that came through the mailbox, and answer each."""

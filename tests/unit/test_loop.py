@@ -305,5 +305,18 @@ def test_confirmed_time_of_leaving_goes_into_its_own_row(bench: Callable[..., Be
     assert all(r["t_u"] - r["tick_time"] == pytest.approx(1e-4, abs=1e-9) for r in rows)
 
 
+def test_a_command_that_did_not_leave_is_not_in_the_rows(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    rig.rows()
+    rig.driver.write = lambda t, values: math.nan  # type: ignore[method-assign] # no room in the queue
+    rig.loop.axes[0].controller.step = lambda t, e: 0.123  # type: ignore[method-assign] # another command
+    rig.run(0.005)
+    last, *rows = rig.rows()  # the first is of the tick before
+    assert len(rows) == 9
+    assert {(r["u"], r["t_u"]) for r in rows} == {(last["u"], last["t_u"])}
+
+
 def test_unknown_command_is_answered(bench: Callable[..., Bench]) -> None:
     assert bench().call("dance") == "unknown command 'dance'"
