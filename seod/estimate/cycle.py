@@ -87,13 +87,16 @@ class CycleEstimator(ABC):
             return None
         self._quality = word
         advice = self._why_still() if word == "no_oscillation" else quality.ADVICE[word]
-        return Estimate(self.record.now, self.method, word, K_L=self.settings.K_L, advice=advice)
+        return self._without_numbers(advice)
+
+    def _without_numbers(self, advice: str) -> Estimate:
+        K_L = finite_or_none(self.settings.K_L)
+        return Estimate(self.record.now, self.method, self._quality, K_L=K_L, advice=advice)
 
     def _state(self) -> str:
         if self.record.is_stale:
             return "stale"
-        patience = max([quality.NO_SWITCH_S, *(4.0 * d for d in self.record.durations[-2:])])
-        if self.record.now - self.record.switched > patience:
+        if self.record.is_still:
             return "no_oscillation"
         return "settling" if self._quality in {"", "stale"} else self._quality
 
@@ -107,7 +110,6 @@ class CycleEstimator(ABC):
 
     def _answer(self, switch: Switch) -> Estimate | None:
         record = self.record
-        record.switches.append(switch)
         t, y = np.array(record.times), np.array(record.samples)
         self.measure(switch, t, y)
         half_cycle = record.samples[record.since(switch.seen) :]
@@ -115,13 +117,7 @@ class CycleEstimator(ABC):
         solution = self.solve() if len(record.switches) > 2 else None
         self._quality = self._judge(solution, len(half_cycle))
         if solution is None:
-            return Estimate(
-                record.now,
-                self.method,
-                self._quality,
-                K_L=self.settings.K_L,
-                advice=quality.ADVICE.get(self._quality),
-            )
+            return self._without_numbers(quality.ADVICE[self._quality])
         fit = fitness(solution.plant, list(record.switches)[-3:], self.settings.K_L * record.e_a, t, y)
         record.forget(record.switches[-2].t - record.durations[-2])
         return self._estimate(solution, fit)
@@ -132,15 +128,15 @@ class CycleEstimator(ABC):
             return "settling"
         if solution is None or count < quality.SAMPLES_MIN or self._is_lost(solution.amplitude):
             return "no_oscillation"
-        if any(self._clips):
-            return "saturated"
-        if self._is_noisy(solution.amplitude):
-            return "noisy"
-        if not self._is_settled(solution):
-            return "settling"
-        if abs(self._asymmetry()) > quality.ASYMMETRY_MAX:
-            return "asymmetric"
-        return "ok" if solution.plant else "out_of_range"
+        asymmetric = abs(self._asymmetry()) > quality.ASYMMETRY_MAX
+        words = (
+            ("saturated", any(self._clips)),
+            ("noisy", self._is_noisy(solution.amplitude)),
+            ("settling", not self._is_settled(solution)),
+            ("asymmetric", asymmetric),
+            ("out_of_range", solution.plant is None),
+        )
+        return next((word for word, applies in words if applies), "ok")
 
     def _is_lost(self, amplitude: float) -> bool:
         lost_in_noise = self.record.noise.sd > quality.NO_OSCILLATION_NOISE * amplitude

@@ -6,7 +6,6 @@ import math
 from collections import deque
 from functools import cache
 from itertools import pairwise
-from statistics import variance
 from typing import TYPE_CHECKING, ClassVar
 
 from scipy.special import stdtrit
@@ -41,9 +40,9 @@ class ExactEstimator(CycleEstimator):
         after = self.record.switched + self.settings.delay_s - switch.t
         stretch = Stretch(switch.up, switch.t, switch.seen, level, durations[-1], after)
         half = measure(stretch, t, y)
-        if half is None:
-            self._halves.clear()  # the halves must alternate
-        else:
+        if half is None or (self._halves and self._halves[-1].up == half.up):
+            self._halves.clear()  # one was missed: the halves must alternate
+        if half:
             self._halves.append(half)
 
     def solve(self) -> Solution | None:
@@ -91,22 +90,21 @@ def _shares(halves: Sequence[HalfCycle], by: Measured) -> list[float]:
 
 
 def _repeats(halves: Sequence[HalfCycle], by: Sensitivity | None) -> list[list[float]]:
-    """What has to agree: length and amplitude of the cycles, and the omega_n and zeta that each would give."""
+    """What has to agree: length and amplitude of the cycles, and the omega_n and zeta of each."""
     pairs = list(pairwise(halves))
     repeats = [
         [math.log(a.before + b.before) for a, b in pairs],
         [math.log(max(abs(b.peak - a.peak), 1e-300)) for a, b in pairs],
     ]
-    for unknown in by or ():
-        repeats.append([a + b for a, b in pairwise(_shares(halves, unknown))])
-    return repeats
+    answers = [_shares(halves, unknown) for unknown in by or ()]
+    return repeats + [[a + b for a, b in pairwise(answer)] for answer in answers]
 
 
 def _deviation(plant: Plant, halves: Sequence[HalfCycle], by: Sensitivity) -> Plant | None:
     """Standard deviations of omega_n and zeta, from the scatter of the half cycles about their side's mean.
 
-    With few half cycles the scatter itself is uncertain, so it is widened by Student's factor: +-1.96 sd is a
-    95 % interval.
+    With few half cycles the scatter itself is uncertain, so it is widened by Student's factor: +-1.96 sd is
+    a 95 % interval.
     """
     parts = []
     for unknown in by:
@@ -114,7 +112,9 @@ def _deviation(plant: Plant, halves: Sequence[HalfCycle], by: Sensitivity) -> Pl
         sides = [[x for x, h in zip(shares, halves, strict=True) if h.up is up] for up in (True, False)]
         if min(len(side) for side in sides) < 2:
             return None
-        parts.append(math.sqrt(sum(variance(side) / len(side) for side in sides)) * _student(len(halves) - 2))
+        parts.append(
+            math.sqrt(sum(_variance(side) / len(side) for side in sides)) * _student(len(halves) - 2)
+        )
     return Plant(plant.omega_n * parts[0], plant.zeta * parts[1])
 
 
@@ -122,6 +122,11 @@ def _drift(halves: Sequence[HalfCycle]) -> float:
     """Mean speed from the oldest to the newest peak of the same side."""
     first, last = halves[(len(halves) - 1) % 2], halves[-1]
     return (last.peak - first.peak) / (last.t_peak - first.t_peak) if last.t_peak > first.t_peak else 0.0
+
+
+def _variance(values: Sequence[float]) -> float:
+    mean = sum(values) / len(values)
+    return sum((x - mean) ** 2 for x in values) / (len(values) - 1)
 
 
 @cache

@@ -54,6 +54,8 @@ def measure(stretch: Stretch, t: Array, y: Array) -> HalfCycle | None:
         y: Position [axis unit], shape (n,).
     """
     up, applied, seen, level, before, after = stretch
+    if min(before, after) <= 0.0:
+        return None
     crossed = crossing(t, y, level, seen, CROSSING_WIDTH * min(before, after))
     if crossed is None:
         return None

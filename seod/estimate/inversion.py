@@ -12,6 +12,8 @@ _STEP_MAX = 0.7
 """Longest Newton step in the logarithm of either unknown."""
 _LN_ZETA = math.log(ZETA_MIN / 2.0), math.log(ZETA_MAX * 2.0)
 """The search may look a factor of 2 beyond the range of zeta, so that its edge is judged fairly."""
+_LN_RATIO = math.log(100.0)
+"""And a factor of 100 about the limit cycle's frequency for omega_n."""
 
 _Pair = tuple[float, float]
 
@@ -64,6 +66,8 @@ def invert_eq8(omega_s: float, V_s: float, K_L: float, e_a: float) -> Plant | No
         The plant; None where the iteration leaves zeta's range 0.02 to 10 or does not end.
     """
     xi, gamma, zeta = 0.95, 1.4, 0.0
+    if not V_s * omega_s > 1e-290:
+        return None
     for _ in range(100):
         before, zeta = zeta, gamma * xi * K_L * e_a / (2.0 * V_s * omega_s)
         if not zeta < 2.0 * ZETA_MAX:
@@ -86,6 +90,8 @@ def invert(
     Returns:
         The plant; None where there is none with zeta in 0.02 to 10.
     """
+    if not _is_possible(measured, K_L * e_a):
+        return None
     conditions = _Conditions(measured, hysteresis, K_L * e_a)
     start = start or describing_function(measured, hysteresis, K_L, e_a)
     at = math.log(start.omega_n), math.log(start.zeta)
@@ -147,14 +153,24 @@ class _Conditions(NamedTuple):
     def descend(self, at: _Pair, r: _Pair, step: _Pair) -> tuple[_Pair, _Pair] | None:
         """Go along `step` as far as lessens the mismatch, within the bounds; None where nothing does."""
         shrink = min(1.0, _STEP_MAX / max(abs(step[0]), abs(step[1]), 1e-300))
+        middle = math.log(2.0 * math.pi / (self.measured.h_up + self.measured.h_down))
         for _ in range(20):
-            y = min(max(at[1] + shrink * step[1], _LN_ZETA[0]), _LN_ZETA[1])
-            to = at[0] + shrink * step[0], y
+            x = min(max(at[0] + shrink * step[0], middle - _LN_RATIO), middle + _LN_RATIO)
+            to = x, min(max(at[1] + shrink * step[1], _LN_ZETA[0]), _LN_ZETA[1])
             q = self.mismatch(to)
             if math.hypot(*q) <= max(math.hypot(*r), 1e-9):
                 return to, q
             shrink *= 0.5
         return None
+
+
+def _is_possible(m: Measured, gain: float) -> bool:
+    """Whether these can be numbers of a limit cycle at all, so that the arithmetic stays finite."""
+    period = m.h_up + m.h_down
+    if min(m.h_up, m.h_down) < 1e-3 * period or not period > 0.0:
+        return False
+    lags = max(abs(m.lag_up), abs(m.lag_down))
+    return lags < period and 1e-6 * m.V_s < gain * period < 1e6 * m.V_s
 
 
 def _in_range(plant: Plant) -> Plant | None:

@@ -1,7 +1,8 @@
 """`peaks`: the paper's own procedure (section 2.3): low-pass, three-sample peaks, Eqs. 5 to 8.
 
-Faithful in its arithmetic: it ignores the relay's hysteresis and any lag. One thing is added: a peak counts
-only once the signal has come back from it by a part of the oscillation, or every ripple of noise would be one.
+Faithful in its arithmetic: it ignores the relay's hysteresis and any lag. One thing is added: a peak
+counts only once the signal has come back from it by a part of the oscillation; else every ripple of noise
+would be one.
 """
 
 from __future__ import annotations

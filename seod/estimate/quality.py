@@ -20,12 +20,10 @@ CHATTER_MAX: Final = 0.25
 """Part of the half cycles that may begin with a relay that chatters."""
 SAMPLES_MIN: Final = 4
 """Fewest samples in a half cycle."""
-NO_SWITCH_S: Final = 1.0
-"""A relay that has not switched for this long (or four half cycles, if longer) does not oscillate."""
 AGREEMENT: Final = 0.003
 """What the newer half of the window may differ from the older one, as a part; scatter adds to it."""
 ONCE_SETTLED: Final = 4.0
-"""Factor on what may differ, plus a tick of period, once settled: a sampled relay's period wanders by ticks."""
+"""Factor on what may differ, and on a tick more, once settled: a sampled relay's period wanders by ticks."""
 
 STANDS: Final = "the actuator does not move: raise e_a (friction or deadband), check supply and output"
 DRIFTS: Final = "the position runs one way and the relay does not turn it: raise e_a, check bias and polarity"
@@ -44,7 +42,7 @@ ADVICE: Final[dict[str, str]] = {
 
 
 def agree(values: Sequence[float], allowed: float = AGREEMENT, slack: float = 1.0) -> bool:
-    """Whether cycles repeat: the newer half of `values` differs from the older one by no more than scatter.
+    """Whether cycles repeat: the newer half of `values` differs from the older no more than by scatter.
 
     The scatter comes from second differences, which a steady trend leaves at zero, and from their median,
     which the first wild cycles do not move: so a transient cannot excuse itself.
@@ -66,18 +64,14 @@ def agree(values: Sequence[float], allowed: float = AGREEMENT, slack: float = 1.
 def clipped(y: Sequence[float]) -> bool:
     """Whether a half cycle's samples lie flat at their highest or lowest value.
 
-    A coarse sensor has flat peaks too: a step q of the sensor keeps a sine of amplitude A within its last
-    step for 2 sqrt(2 q / A) rad. Flat for more than twice that, and for a tenth of the half cycle, is clipped.
+    A coarse sensor has flat peaks too, but it stays nearly as long (0.83 times, for a sine) on the next
+    step. Flat for more than twice as long, and for a tenth of the half cycle, is clipped.
     """
-    low, high = min(y), max(y)
-    flat = max(_longest_run(y, low), _longest_run(y, high))
-    if flat < max(3, 0.1 * len(y)):
-        return False
-    steps = [abs(b - a) for a, b in pairwise(y) if b != a]
-    if not steps:
-        return False
-    natural = 2.0 * math.sqrt(2.0 * min(steps) / (high - low)) / math.pi * len(y)
-    return flat > 2.0 * natural + 2.0
+    levels = sorted(set(y))
+    return len(levels) > 2 and any(
+        _longest_run(y, at) > max(2 + 2 * y.count(beside), 0.1 * len(y))
+        for at, beside in ((levels[0], levels[1]), (levels[-1], levels[-2]))
+    )
 
 
 def _longest_run(y: Sequence[float], value: float) -> int:

@@ -19,6 +19,8 @@ _LARGEST = 1e9
 _GAP_TICKS = 10.0
 _GAP_PART = 0.25
 """A gap in time longer than 10 ticks, and than this part of a half cycle, breaks the record."""
+NO_SWITCH_S = 1.0
+"""A relay that has not switched for this long (or for four half cycles, if longer) does not oscillate."""
 _NOISE_MEMORY = 1000.0
 _SAMPLES_MAX = 200_000
 
@@ -44,6 +46,7 @@ class Record:
         self.reference = self.e_a = self.bias = math.nan
         self._tracker = SwitchTracker()
         self._up: bool | None = None
+        self._half = 0.0
 
     @property
     def has_begun(self) -> bool:
@@ -53,21 +56,25 @@ class Record:
     @property
     def durations(self) -> list[float]:
         """Half cycles between the switches of the window [s]."""
-        switches = list(self.switches)
-        return [b.t - a.t for a, b in pairwise(switches)]
+        return [b.t - a.t for a, b in pairwise(self.switches)]
 
     @property
     def is_stale(self) -> bool:
         """Whether no new sample came for longer than a record may miss."""
         newest = self.times[-1] if self.times else self.switched
-        return self.now - newest > self._longest_gap() + _GAP_TICKS * self._settings.period_s
+        return self.now - newest > self._longest_gap + _GAP_TICKS * self._settings.period_s
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the relay has not switched for so long that nothing oscillates."""
+        return self.now - self.switched > max(NO_SWITCH_S, 4.0 * self._half)
 
     def breaks(self, row: Row) -> bool:
         """Whether `row` cannot continue this record: another set point or amplitude, or time is missing."""
         if not self.has_begun:
             return False
         same = (row.reference, row.e_a, row.bias) == (self.reference, self.e_a, self.bias)
-        gap = bool(self.times) and row.fresh and row.t - self.times[-1] > self._longest_gap()
+        gap = bool(self.times) and row.fresh and row.t - self.times[-1] > self._longest_gap
         return not same or gap or row.t_u < self.now
 
     def take(self, row: Row) -> Switch | None:
@@ -87,7 +94,11 @@ class Record:
         up = drive > 0.0
         if up is not self._up:
             self._up, self.switched = up, row.t_u
-        return self._tracker.update(row.t, row.t_u + self._settings.delay_s, up)
+        switch = self._tracker.update(row.t, row.t_u + self._settings.delay_s, up)
+        if switch:
+            self._half = switch.t - self.switches[-1].t if self.switches else 0.0
+            self.switches.append(switch)
+        return switch
 
     def since(self, t: float) -> int:
         """Index of the first sample at or after `t`."""
@@ -108,9 +119,9 @@ class Record:
         if len(self.times) > _SAMPLES_MAX:
             del self.times[: _SAMPLES_MAX // 2], self.samples[: _SAMPLES_MAX // 2]
 
+    @property
     def _longest_gap(self) -> float:
-        durations = self.durations
-        return max(_GAP_TICKS * self._settings.period_s, _GAP_PART * durations[-1] if durations else 0.0)
+        return max(_GAP_TICKS * self._settings.period_s, _GAP_PART * self._half)
 
 
 def sound(row: Row) -> Row | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 CHATTER = 0.25
@@ -52,9 +53,18 @@ class SwitchTracker:
         if not self._group:
             return False
         half = max(self._recent, default=0.0)
-        if applied - self._group[0][0] > 2.0 * half:
-            return True  # no chatter takes so long: the half cycles before were of another kind
-        return applied - self._group[-1][0] >= CHATTER * half
+        if applied - self._group[-1][0] >= CHATTER * half:
+            return True
+        if applied - self._group[0][0] > half:
+            self._begin_anew()
+        return False
+
+    def _begin_anew(self) -> None:
+        """No chatter takes so long: the half cycles before were of another kind."""
+        times = [t for t, _ in self._group]
+        self._recent.clear()
+        self._recent.append(max((b - a for a, b in pairwise(times)), default=0.0))
+        del self._group[:-1]
 
     def _close(self, applied: float, up: bool) -> Switch | None:
         group, self._group = self._group, []
