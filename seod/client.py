@@ -16,6 +16,7 @@ import socket
 import ssl
 import time
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Client:
         """Close the connection; the daemon goes on."""
         self._socket.close()
 
-    def call(self, method: str, **params: Any) -> Message:
+    def call(self, method: str, /, **params: Any) -> Message:
         """Call a method of the protocol; parameters that are None are left out.
 
         Raises:
@@ -182,7 +183,8 @@ class Client:
                 if message["method"] == "estimate" and axis in (None, message["params"]["axis"]):
                     yield message["params"]
         finally:
-            self.unsubscribe(subscription)
+            with suppress(EndedError):
+                self.unsubscribe(subscription)
 
     def subscribe(
         self, topics: Sequence[str], axes: Sequence[str] | None = None, rate_hz: float | None = None

@@ -8,7 +8,6 @@ from collections.abc import Awaitable
 from typing import TYPE_CHECKING, Any, cast
 
 from seod.protocol import (
-    TOO_MANY_CLIENTS,
     Call,
     LineSplitter,
     LineTooLongError,
@@ -62,13 +61,12 @@ class Connection(asyncio.Protocol):
         tcp = transport.get_extra_info("socket")
         tcp.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         tcp.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        if self._server.admit(self):
+        refused = self._server.admit(self)
+        if refused is None:
             loop = asyncio.get_running_loop()
             self._deadline = loop.call_later(AUTHENTICATE_S, self._check_authenticated)
         else:
-            most = self._server.config.max_clients
-            why = f"too many clients: server.max_clients is {most}; close one, or raise it in the rig file"
-            self.write(encode(error_message(None, RpcError(TOO_MANY_CLIENTS, why))))
+            self.write(encode(error_message(None, refused)))
             transport.close()
 
     def data_received(self, data: bytes) -> None:

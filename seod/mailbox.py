@@ -50,6 +50,8 @@ class Mailbox:
         """
         if self.dead_why:
             raise RpcError(NO_ANSWER, f"there is no loop: {self.dead_why}; `reset` starts a new one")
+        if not self.ticking:
+            raise RpcError(NO_ANSWER, "the loop has not started yet; try again")
         if len(self._waiting) >= MAX_WAITING and op != "estop":
             raise RpcError(BUSY, f"{MAX_WAITING} commands wait for the loop already; try again")
         self._last_id += 1
@@ -71,6 +73,10 @@ class Mailbox:
         future = self._waiting.get(reply["id"])
         if future is not None and not future.done():
             future.set_result(reply)
+
+    def rows_come(self) -> None:
+        """Rows are proof of a loop, should its `started` event have been lost."""
+        self.ticking = not self.dead_why
 
     def loop_started(self, generation: int) -> bool:
         """Take a `started` event; False if that loop has died meanwhile."""

@@ -55,7 +55,8 @@ class CsvLines:
     def lines(self, rows: NDArray[np.void]) -> str:
         """One line for each row (dtype `seod.rows.row_dtype`)."""
         parts = []
-        for tick, t_tick, axes in rows.tolist():
+        columns = (rows[name].tolist() for name in ("tick", "tick_t", "axes"))
+        for tick, t_tick, axes in zip(*columns, strict=True):
             cells = [self._cells(index, t_tick, axis) for index, axis in enumerate(axes)]
             parts.append(f"{','.join(cells)},{tick},{t_tick!r}\n")
         return "".join(parts)

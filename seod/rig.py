@@ -81,10 +81,12 @@ class Rig:
         """Take events and rows, publish what they bring."""
         for event in self._events():
             self._on_event(event)
+        self._hub.flush()  # what happened comes before what was measured since
         now = self.now()
         rows = None if self._held_back() else self._reader.take()
         if rows is not None and len(rows):
             self._last_rows = now
+            self.mailbox.rows_come()
             self._on_rows(rows)
         elif now - self._last_rows > SILENCE_S:
             self._note_silence()

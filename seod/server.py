@@ -8,6 +8,7 @@ import ssl
 from typing import TYPE_CHECKING, Any
 
 from seod.connection import AUTHENTICATE_S, Connection
+from seod.protocol import NO_ANSWER, TOO_MANY_CLIENTS, RpcError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,6 +41,7 @@ class Server:
         self._base = base
         self._connections: set[Connection] = set()
         self._server: asyncio.Server | None = None
+        self._ending = False
 
     async def start(self) -> int:
         """Listen; returns the port.
@@ -62,12 +64,16 @@ class Server:
         number: int = self._server.sockets[0].getsockname()[1]
         return number
 
-    def admit(self, connection: Connection) -> bool:
-        """Whether there is room for one more."""
-        if len(self._connections) >= self.config.max_clients:
-            return False
+    def admit(self, connection: Connection) -> RpcError | None:
+        """Take one more connection; or the reason why not."""
+        most = self.config.max_clients
+        if self._ending:
+            return RpcError(NO_ANSWER, "the daemon is ending")
+        if len(self._connections) >= most:
+            why = f"too many clients: server.max_clients is {most}; close one, or raise it in the rig file"
+            return RpcError(TOO_MANY_CLIENTS, why)
         self._connections.add(connection)
-        return True
+        return None
 
     def forget(self, connection: Connection) -> None:
         """A connection has ended."""
@@ -83,6 +89,7 @@ class Server:
         """Stop listening; give clients a moment to read the rest."""
         if self._server is None:
             return
+        self._ending = True  # for those that are on their way in
         self._server.close()
         connections = list(self._connections)
         for connection in connections:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hmac
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
-from seod.config.model import EstimatorConfig
+from seod.estimate import TABLE
 from seod.estimation import LOOP_SETTINGS
 from seod.params import (
     TOPICS,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 Result = dict[str, Any]
 Right = Literal["none", "read", "command"]
 MAX_SUBSCRIPTIONS = 16
-ESTIMATORS: tuple[str, ...] = get_args(EstimatorConfig.model_fields["method"].annotation)
 
 
 @dataclass(eq=False, slots=True)
@@ -217,6 +216,6 @@ def check_settings(axis: Axis, values: dict[str, Any]) -> None:
     if new["hysteresis"] >= limits.amplitude:
         what = f"must be below limits.amplitude = {limits.amplitude:g} of axis {axis.name}"
         raise RpcError(INVALID_PARAMS, f"hysteresis: {what}, got {new['hysteresis']:g}")
-    if new["method"] not in ESTIMATORS:
+    if new["method"] not in TABLE:
         given = new["method"][:40]
-        raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, ESTIMATORS)}")
+        raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, TABLE)}")

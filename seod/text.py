@@ -1,0 +1,93 @@
+"""Numbers, estimates, events and states as text for people. Standard library only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Message = dict[str, Any]
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number for people; a dash where it is undefined."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def with_sd(value: float | None, sd: float | None) -> str:
+    """`0.2103 ± 0.0004`."""
+    return number(value) if value is None or sd is None else f"{number(value)} ± {number(sd, 2)}"
+
+
+def estimate(e: Message) -> str:
+    """One estimate as a line of a log."""
+    parts = [
+        f"t={e['t']:.3f}",
+        e["axis"],
+        e["quality"],
+        f"zeta={with_sd(e['zeta'], e['zeta_sd'])}",
+        f"omega_n={with_sd(e['omega_n'], e['omega_n_sd'])} rad/s",
+        f"frequency={number(e['frequency'])} rad/s",
+        f"amplitude={number(e['amplitude'])}",
+        f"method={e['method']}",
+    ]
+    return "  ".join(parts) + (f"  ({e['advice']})" if e["advice"] else "")
+
+
+def event(e: Message) -> str:
+    """One event as a sentence."""
+    kind, why = e["event"], e.get("why") or ""
+    where = f"{e['axis']}: " if e.get("axis") else ""
+    if kind == "state":
+        what = f"{e.get('previous') or 'start'} -> {e['state']}"
+        return f"{where}{what} ({why})" if why else f"{where}{what}"
+    if kind == "changed":
+        return f"{where}set {settings(e['values'])}"
+    if kind == "started":
+        return f"loop {e['generation']} started"
+    return f"{kind}: {why if why.startswith(where) else where + why}"
+
+
+def settings(values: Message) -> str:
+    """`e_a = 1.5, method = exact`."""
+    return ", ".join(f"{name} = {v if isinstance(v, str) else number(v, 6)}" for name, v in values.items())
+
+
+def health(h: Message) -> str:
+    """The loop's health in one line."""
+    parts = [
+        f"{number(h['rate_hz'])} Hz",
+        f"lateness p99 {number(h['lateness']['p99_us'], 3)} us",
+        f"overruns {h['overruns']}",
+        f"lost rows {h['rows_lost']}",
+        f"clients {h['clients']['connected']}",
+    ]
+    if h["recorder"] is not None:
+        parts.append(f"recorded {h['recorder']['rows']} rows")
+    if not h["realtime"]["ok"]:
+        parts.append("not real-time")
+    return " | ".join([*parts, *(f"{name} {count}" for name, count in h["counters"].items() if count)])
+
+
+def axis(a: Message) -> str:
+    """The answer to `get`."""
+    lines = [f"{a['axis']}: {a['state']}"]
+    if a["fault"] is not None:
+        lines.append(f"  fault: {a['fault']['why']}")
+    lines.append(f"  settings: {settings(a['settings'])}")
+    if a["estimate"] is None:
+        lines.append("  no estimate yet")
+    else:
+        lines.append(f"  {estimate(a['estimate'])}  age={number(a['estimate']['age_s'], 3)} s")
+    return "\n".join(lines)
+
+
+def status(s: Message) -> str:
+    """The answer to `status`."""
+    lines = [
+        f"{s['rig']}: {s['state']}, driver {s['driver']}, {number(s['rate_hz'])} Hz, seod {s['version']}"
+    ]
+    lines += [axis(each) for each in s["axes"].values()]
+    if s["truth"]:
+        lines += [f"truth of {name}: {settings(truth)}" for name, truth in s["truth"].items()]
+    lines.append(health(s["health"]))
+    lines += [f"not real-time: {why}" for why in s["realtime"]["why"]]
+    return "\n".join(lines)

@@ -1,0 +1,170 @@
+import csv
+import errno
+import math
+import os
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seod import record
+from seod.record import CsvFile, CsvLines, CsvRecorder, header
+from seod.ring import FLAG_FRESH, AxisState
+from seod.rows import row_dtype
+
+DEADLINE_S = 20.0
+
+
+def rows(count, axes=1, first=0, flags=FLAG_FRESH):
+    table = np.zeros(count, row_dtype(axes))
+    table["tick"] = np.arange(first, first + count)
+    table["tick_t"] = 100.0 + table["tick"] * 0.1
+    for axis in range(axes):
+        table["axes"]["t"][:, axis] = table["tick_t"] - 0.01 * (axis + 1)
+        table["axes"]["y"][:, axis] = np.sin(table["tick"]) + axis
+        table["axes"]["u"][:, axis] = 0.5
+        table["axes"]["t_u"][:, axis] = table["tick_t"] + 0.001
+        table["axes"]["state"][:, axis] = AxisState.EXCITING
+        table["axes"]["flags"][:, axis] = flags
+    return table
+
+
+def read(path):
+    with Path(path).open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_one_axis_has_the_columns_of_measured_data(tmp_path):
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    recorder.add(rows(3))
+    recorder.add(rows(2, first=3))
+    recorder.close()
+    table = read(tmp_path / "a.csv")
+    assert {"t", "u", "y", "t_u", "e_a", "state", "flags"} <= set(table[0])
+    assert [int(line["tick"]) for line in table] == [0, 1, 2, 3, 4]
+    whole = rows(5)
+    for line, row in zip(table, whole, strict=True):
+        assert float(line["t"]) == row["axes"]["t"][0]  # all digits
+        assert float(line["y"]) == row["axes"]["y"][0]
+        assert float(line["t_u"]) == row["axes"]["t_u"][0]
+        assert line["state"] == "exciting"
+    assert recorder.report() == {"file": str(tmp_path / "a.csv"), "rows": 5, "lost": 0, "error": None}
+
+
+def test_several_axes_carry_their_names(tmp_path):
+    recorder = CsvRecorder(tmp_path / "a.csv", ["pitch", "roll"])
+    recorder.add(rows(2, axes=2))
+    recorder.close()
+    line = read(tmp_path / "a.csv")[1]
+    assert float(line["roll.y"]) == float(line["pitch.y"]) + 1
+    assert float(line["roll.t"]) < float(line["pitch.t"])
+    assert "t" not in line
+
+
+def test_a_tick_without_a_sample_has_no_y_and_the_time_the_sample_would_have_had():
+    table = rows(3)
+    table["axes"]["flags"][1] = 0
+    table["axes"]["t"][1] = table["axes"]["t"][0]
+    lines = [
+        dict(zip(header(["m"]).strip().split(","), line.split(","), strict=True))
+        for line in CsvLines(1).lines(table).splitlines()
+    ]
+    assert [line["y"] for line in lines] == [repr(math.sin(0.0)), "", repr(float(np.sin(2)))]
+    assert float(lines[1]["t"]) == pytest.approx(100.09)
+
+
+def test_what_was_never_heard_is_empty():
+    table = rows(1, flags=0)
+    table["axes"]["y"] = math.nan
+    table["axes"]["t_u"] = math.nan
+    cells = CsvLines(1).lines(table).split(",")
+    assert cells[:2] == ["", ""]
+    assert cells[3] == ""
+
+
+def test_an_older_recording_is_kept_aside(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("precious\n")
+    CsvRecorder(path, ["motor"]).close()
+    assert (tmp_path / "a.csv~").read_text() == "precious\n"
+    assert path.read_text() == header(["motor"])
+
+
+def test_rows_reach_the_file_by_themselves(tmp_path):
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    recorder.add(rows(1))
+    until(lambda: len(read(tmp_path / "a.csv")) == 1)
+    recorder.close()
+
+
+def test_a_file_that_cannot_be_had_is_said_at_once(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        CsvRecorder(tmp_path / "no" / "a.csv", ["motor"])
+
+
+class FullDisk:
+    """os.write with room for so many bytes; then it writes what fits, and fails from there on."""
+
+    def __init__(self, room):
+        self.room = room
+        self.write = os.write
+
+    def __call__(self, fd, data):
+        if self.room == 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written = self.write(fd, data[: self.room])
+        self.room -= written
+        return written
+
+
+def test_a_full_disk_costs_whole_rows_and_recording_goes_on_once_there_is_room(tmp_path, monkeypatch):
+    disk = FullDisk(len(header(["motor"])) + 150)
+    monkeypatch.setattr(record.os, "write", disk)
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    recorder.add(rows(100))
+    until(lambda: recorder.error)
+    assert recorder.error == f"{tmp_path / 'a.csv'} cannot be written: No space left on device"
+    assert (tmp_path / "a.csv").read_text() == header(["motor"])  # no torn line
+    disk.room = 10**9
+    recorder.add(rows(10, first=100))
+    until(lambda: not recorder.error)
+    recorder.close()
+    assert [int(line["tick"]) for line in read(tmp_path / "a.csv")] == list(range(100, 110))
+    assert recorder.report()["lost"] == 100
+
+
+def test_a_deleted_file_is_noticed(tmp_path):
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    (tmp_path / "a.csv").unlink()
+    recorder.add(rows(1))
+    until(lambda: "deleted" in recorder.error)
+    recorder.close()
+
+
+def test_a_disk_that_hangs_costs_rows_but_no_memory_and_no_time(tmp_path, monkeypatch):
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    write, works_again = os.write, threading.Event()
+    monkeypatch.setattr(record.os, "write", lambda *args: works_again.wait(DEADLINE_S) and write(*args))
+    monkeypatch.setattr(record, "WAITING_ROWS", 50)
+    for _ in range(100):
+        recorder.add(rows(10))
+    assert recorder.waiting == 50
+    assert recorder.report() == {"file": str(tmp_path / "a.csv"), "rows": 0, "lost": 950, "error": None}
+    works_again.set()
+    recorder.close()
+    assert recorder.report()["rows"] == len(read(tmp_path / "a.csv")) == 50
+
+
+def test_devices_can_be_recorded_to():
+    file = CsvFile(Path(os.devnull))
+    file.write("x\n")
+    file.close()
