@@ -64,13 +64,13 @@ class CycleEstimator(ABC):
             return None
         if self.record.breaks(good):
             self.reset()
-        switch = self.record.take(good)
-        if good.fresh:
+        if self.record.is_new(good):
             self.listen(good)
+        switch = self.record.take(good)
         return self._look() if switch is None else self._answer(switch)
 
     def listen(self, row: Row) -> None:  # noqa: B027 (only some estimators look at each sample)
-        """Take a fresh row."""
+        """Take a row with a new sample."""
 
     @abstractmethod
     def measure(self, switch: Switch, t: Array, y: Array) -> None:

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from seod.estimate.switches import Switch
 
 
+_FIT_ERROR = 2e-4
+"""What sampled fits leave at best, as a part of either unknown (measured, without noise)."""
+
+
 class ExactEstimator(CycleEstimator):
     """Means of period, lag and amplitude over the window, inverted exactly."""
 
@@ -112,9 +116,8 @@ def _deviation(plant: Plant, halves: Sequence[HalfCycle], by: Sensitivity) -> Pl
         sides = [[x for x, h in zip(shares, halves, strict=True) if h.up is up] for up in (True, False)]
         if min(len(side) for side in sides) < 2:
             return None
-        parts.append(
-            math.sqrt(sum(_variance(side) / len(side) for side in sides)) * _student(len(halves) - 2)
-        )
+        scatter = math.sqrt(sum(_variance(side) / len(side) for side in sides)) * _student(len(halves) - 2)
+        parts.append(math.hypot(scatter, _FIT_ERROR))
     return Plant(plant.omega_n * parts[0], plant.zeta * parts[1])
 
 

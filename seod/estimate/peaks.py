@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from seod.estimate.switches import Switch
 
 RETREAT = 0.25
-"""A peak is confirmed when the signal has come back from it by this part of the last peak-to-peak value."""
+"""A peak is confirmed when the signal has come back from it by this part of its range."""
+_RANGE_HALF_CYCLES = 4
+"""The range is that of as many half cycles of the relay."""
 
 
 class Peak(NamedTuple):
@@ -57,18 +59,22 @@ class PeakFinder:
         self._last: deque[tuple[float, float]] = deque(maxlen=3)
         self._candidate: Peak | None = None
         self._before: Peak | None = None
-        self._low = self._high = math.nan
+        self._ranges = deque([(math.inf, -math.inf)], maxlen=_RANGE_HALF_CYCLES)
+
+    def next_half_cycle(self) -> None:
+        """The relay has switched: forget the range of the oldest half cycle."""
+        self._ranges.append((math.inf, -math.inf))
 
     def update(self, t: float, y: float) -> Peak | None:
         """Take a sample; the peak that it confirms, if any."""
-        self._low, self._high = (min(y, self._low), max(y, self._high)) if self._last else (y, y)
+        low, high = self._ranges[-1]
+        self._ranges[-1] = min(low, y), max(high, y)
         self._last.append((t, y))
         self._propose()
         c = self._candidate
         if c is None or c.sign * (c.y - y) < self._threshold():
             return None
         self._before, self._candidate = c, None
-        self._low = self._high = y
         return c
 
     def _propose(self) -> None:
@@ -83,10 +89,7 @@ class PeakFinder:
             self._candidate = Peak(t, b, sign)
 
     def _threshold(self) -> float:
-        """Part of the newest swing: from the peak before to the candidate; of all seen, before any peak."""
-        if self._before is None or self._candidate is None:
-            return RETREAT * (self._high - self._low)
-        return RETREAT * abs(self._candidate.y - self._before.y)
+        return RETREAT * (max(high for _, high in self._ranges) - min(low for low, _ in self._ranges))
 
 
 class PeaksEstimator(CycleEstimator):
@@ -112,8 +115,9 @@ class PeaksEstimator(CycleEstimator):
             self._peaks.append(last)
         self._peaks.append(found)
 
-    def measure(self, switch: Switch, t: Array, y: Array) -> None:
-        """Nothing to take: the peaks are there already."""
+    def measure(self, switch: Switch, t: Array, y: Array) -> None:  # noqa: ARG002 (peaks come by `listen`)
+        """Only the range of the signal is kept by half cycles."""
+        self._finder.next_half_cycle()
 
     def solve(self) -> Solution | None:
         """Eqs. 5 to 8 on the means of the window."""

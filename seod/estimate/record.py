@@ -77,6 +77,10 @@ class Record:
         gap = bool(self.times) and row.fresh and row.t - self.times[-1] > self._longest_gap
         return not same or gap or row.t_u < self.now
 
+    def is_new(self, row: Row) -> bool:
+        """Whether `row` has a sample later than the newest one."""
+        return row.fresh and not (self.times and row.t <= self.times[-1])
+
     def take(self, row: Row) -> Switch | None:
         """Add one sound row.
 
@@ -110,7 +114,7 @@ class Record:
         del self.times[:count], self.samples[:count]
 
     def _add_sample(self, row: Row) -> None:
-        if not row.fresh or (self.times and row.t <= self.times[-1]):
+        if not self.is_new(row):
             self.noise.skip()
             return
         self.times.append(row.t)

@@ -86,7 +86,7 @@ def rows(loop: Loop, seconds: float) -> list[Row]:
     rng = np.random.default_rng(loop.seed)
     scale = amplitude_of(loop.zeta, loop.omega_n)
     count = int(seconds / loop.tick)
-    times = 50.0 + loop.tick * (np.arange(count) + loop.jitter * rng.uniform(-0.5, 0.5, count))
+    times = 50.0 + loop.tick * (np.arange(count) + loop.jitter * rng.integers(-8, 9, count) / 16)
     noise = rng.standard_normal(count) * loop.noise * scale
     lost = rng.random(count) < loss if (loss := loop.loss) else np.zeros(count, bool)
     state = np.array([loop.start * scale, 0.0, 0.0])
