@@ -101,7 +101,9 @@ cat > "$ctl/init" <<E
 b=$cache/root/bin/busybox M=$mods R=/mnt/r C=$ctl
 \$b mount -t proc proc /proc
 for m in fs/overlayfs/overlay net/can/can net/can/can-raw net/can/can-bcm net/can/can-gw \\
-         drivers/net/can/dev/can-dev drivers/net/can/vcan; do \$b insmod \$M/kernel/\$m.ko || echo "canvm: insmod \$m failed"; done
+         drivers/net/can/dev/can-dev; do \$b insmod \$M/kernel/\$m.ko || echo "canvm: insmod \$m failed"; done
+# echo=1: like a controller, and unlike vcan by default, hand a frame back when it leaves the queue, not before
+\$b insmod \$M/kernel/drivers/net/can/vcan.ko echo=1
 \$b mount -t tmpfs -o size=75% tmpfs /mnt && \$b mkdir /mnt/u /mnt/w \$R
 \$b mount -t overlay -o lowerdir=/,upperdir=/mnt/u,workdir=/mnt/w overlay \$R || exit 1
 for d in \$C $share; do \$b mkdir -p \$R\$d; \$b mount -t hostfs -o \$d none \$R\$d || exit 1; done

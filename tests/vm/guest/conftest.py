@@ -7,7 +7,18 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
-from tools import CONFIG, Listener, Program, Rpc, ip, port_open, tc, until
+from tools import (
+    CAN_ERR_FLAG,
+    CAN_ERR_RESTARTED,
+    CONFIG,
+    Listener,
+    Program,
+    Rpc,
+    ip,
+    port_open,
+    send_raw,
+    until,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -110,8 +121,10 @@ def bench(shared_bench: Bench) -> Iterator[Bench]:
     shared_bench.rig.call("clear")
     shared_bench.rig.call("constant", channel="Encoder.run_enable", value=1.0)
     ip("link", "set", "vcan0", "up")
+    send_raw(CAN_ERR_FLAG | CAN_ERR_RESTARTED, bytes(8))
     until("the rig is heard again", lambda: shared_bench.health()["sample_age_s"] < 0.01)
     shared_bench.recover()
+    shared_bench.rig.call("set", plant="motor", position=0.0)  # a rig without commands drifts
     shared_bench.daemon.heard.clear()
 
 
@@ -127,10 +140,3 @@ def listener() -> Iterator[Listener]:
     it = Listener()
     yield it
     it.close()
-
-
-@pytest.fixture
-def slow_bus() -> Iterator[None]:
-    """Takes the traffic control off again."""
-    yield
-    tc("del", "dev", "vcan0", "root")

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import pytest
-from tools import RpcError, ip, send_raw, tc, until
+from tools import (
+    CAN_ERR_BUSOFF,
+    CAN_ERR_CRTL,
+    CAN_ERR_FLAG,
+    CAN_ERR_RESTARTED,
+    RpcError,
+    ip,
+    send_raw,
+    slow_bus,
+    until,
+)
 
 if TYPE_CHECKING:
     from conftest import Bench
     from tools import Listener
 
-CAN_ERR_FLAG = 0x20000000
-CAN_ERR_CRTL = 0x004
-CAN_ERR_BUSOFF = 0x040
 PASSIVE = 0x30
 """data[1] of an error message: receive and transmit side are error-passive."""
 
@@ -43,13 +49,19 @@ def test_interface_down_and_up(bench: Bench, listener: Listener) -> None:
 
 def test_bus_off_is_a_fault(bench: Bench) -> None:
     bench.excite()
-    before = bench.counters()["bus_off"]
+    before = bench.counters()
     send_raw(CAN_ERR_FLAG | CAN_ERR_BUSOFF, bytes(8))
     fault = bench.daemon.event(event="fault")
     assert fault["code"] == "link"
     assert "bus" in fault["why"]
     until("neutral", bench.rig_is_neutral)
-    until("the counter", lambda: bench.counters()["bus_off"] == before + 1)
+    until("the counter", lambda: bench.counters()["bus_off"] == before["bus_off"] + 1)
+    bench.daemon.call("reset")
+    with pytest.raises(RpcError, match="bus-off"):
+        bench.daemon.call("start")
+    send_raw(CAN_ERR_FLAG | CAN_ERR_RESTARTED, bytes(8))
+    bench.daemon.event(event="warning", why="the rig can be reached again")
+    bench.excite()
 
 
 def test_error_frames_are_counted(bench: Bench) -> None:
@@ -58,35 +70,31 @@ def test_error_frames_are_counted(bench: Bench) -> None:
     for _ in range(5):
         send_raw(CAN_ERR_FLAG | CAN_ERR_CRTL, bytes([0, PASSIVE, 0, 0, 0, 0, 0, 0]))
     until("the counters", lambda: bench.counters()["error_passive"] > before["error_passive"])
-    until("each frame", lambda: bench.counters()["error_frames"] == before["error_frames"] + 5)
+    until("each frame", lambda: bench.counters()["error_frames"] >= before["error_frames"] + 5)
 
 
-def test_a_full_queue_is_a_fault_and_no_stale_command_leaves_it(
-    bench: Bench, listener: Listener, slow_bus: None
-) -> None:
+def test_a_full_queue_is_a_fault_and_no_stale_command_leaves_it(bench: Bench, listener: Listener) -> None:
     bench.excite()
     until("commands", lambda: len(listener.read()) > 100)
-    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
-    fault = bench.daemon.event(event="fault")
-    until("neutral on the bus", lambda: listener.read()[-1].volts == 0.0)
-    late = [frame for frame in listener.frames if frame.t > fault["t"] and frame.volts != 0.0]
-    assert len(late) <= IN_FLIGHT
-    neutral = next(
-        i for i, frame in enumerate(listener.frames) if frame.t > fault["t"] and frame.volts == 0.0
-    )
-    time.sleep(0.5)  # long enough for what the queue held to leave it
-    assert {frame.volts for frame in listener.read()[neutral:]} == {0.0}
-
-
-def test_no_room_to_send_is_counted(bench: Bench, slow_bus: None) -> None:
-    bench.excite()
     before = bench.counters()
-    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
-    bench.daemon.event(event="fault")
-    until(
-        "ENOBUFS or commands held back",
-        lambda: sum(bench.counters()[n] - before[n] for n in ("no_buffers", "deferred")) > 0,
-    )
+    with slow_bus():
+        bench.rig.call("garbage", rate_hz=2000.0)  # fills the queue, which daemon and rig share
+        fault = bench.daemon.event(event="fault")
+        until(
+            "ENOBUFS, or commands held back",
+            lambda: sum(bench.counters()[n] - before[n] for n in ("no_buffers", "deferred")) > 0,
+        )
+        bench.rig.call("clear")
+        until("neutral on the bus", lambda: listener.read()[-1].volts == 0.0)
+        seen = len(listener.frames)
+        until("more of what the queue held", lambda: len(listener.read()) > seen + 5)
+        late = [frame.volts for frame in listener.frames if frame.t > fault["t"]]
+        stale = late.index(0.0)
+        assert stale <= IN_FLIGHT
+        assert set(late[stale:]) == {0.0}
+    bench.daemon.event(event="warning", why="the rig can be reached again")
+    bench.recover()
+    bench.excite()
 
 
 def test_a_silent_sensor_is_a_fault(bench: Bench) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import select
 import socket
-import subprocess
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,21 +41,6 @@ CODEC = CanCodec(make_options())
 def add_bus() -> None:
     ip("link", "add", "dev", BUS, "type", "vcan")
     ip("link", "set", BUS, "mtu", "72", "up")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def echoing_vcan() -> Iterator[None]:
-    """Like a real controller, and unlike vcan as it is, echo a frame when it leaves the queue, not before."""
-    reload_vcan("echo=1")
-    yield
-    reload_vcan()
-    ip("link", "add", "dev", "vcan0", "type", "vcan")
-    ip("link", "set", "vcan0", "mtu", "72", "up")
-
-
-def reload_vcan(*parameters: str) -> None:
-    subprocess.run(["modprobe", "-r", "vcan"], check=True)
-    subprocess.run(["modprobe", "vcan", *parameters], check=True)
 
 
 class Rig:

@@ -42,6 +42,17 @@ def test_sigkill_of_the_supervisor(own_bench: Bench, listener: Listener) -> None
     assert bench.rig_is_neutral()
 
 
+def test_sigkill_of_the_gateway_stops_the_rig(own_bench: Bench) -> None:
+    bench = own_bench
+    bench.excite()
+    kill(find_process(GATEWAY, bench.program.pid), signal.SIGKILL)
+    until("neutral", bench.rig_is_neutral)
+    until("a new gateway", lambda: find_process(GATEWAY, bench.program.pid))
+    bench.daemon.close()
+    bench.connect()
+    assert bench.state() == "fault"
+
+
 def test_a_wrong_sign_is_found_before_the_loop_is_closed(
     rig: Rpc, tmp_path: Path, listener: Listener
 ) -> None:

@@ -13,13 +13,12 @@ if TYPE_CHECKING:
     from conftest import Bench
     from tools import Listener
 
-LOOP, GATEWAY = "seod.loop_process", "seod.gateway"
+LOOP = "seod.loop_process"
 
 
 def test_sigkill_of_the_loop(bench: Bench, listener: Listener) -> None:
     bench.excite()
     commands = bench.rig_state()["commands"]
-    died = time.monotonic()
     kill(find_process(LOOP, bench.program.pid), signal.SIGKILL)
     fault = bench.daemon.event(event="fault")
     assert fault["code"] == "loop_died"
@@ -29,7 +28,7 @@ def test_sigkill_of_the_loop(bench: Bench, listener: Listener) -> None:
     # written by the supervisor, and understood: the amplifier's own watchdog would have ended the commands
     until("commands by the supervisor", lambda: bench.rig_state()["commands"] > commands + 10)
     assert not bench.rig_state()["watchdog_tripped"]
-    assert {f.volts for f in listener.read() if f.t > died + 0.02} == {0.0}
+    assert {f.volts for f in listener.read() if f.t > fault["t"]} == {0.0}
     bench.daemon.call("reset")
     bench.wait_state("idle")
     bench.excite()
@@ -48,25 +47,6 @@ def test_a_loop_that_wakes_up_finds_itself_fenced(bench: Bench, listener: Listen
     until("commands by the supervisor", lambda: len([f for f in listener.read() if f.t > stopped]) > 20)
     assert {f.volts for f in listener.frames if f.t > stopped} == {0.0}
     bench.recover()
-
-
-def test_a_short_sleep_of_the_loop_is_a_fault_too(bench: Bench, listener: Listener) -> None:
-    """Woken before the supervisor acts, the loop must not act on what it knew before."""
-    bench.excite()
-    loop = find_process(LOOP, bench.program.pid)
-    kill(loop, signal.SIGSTOP)
-    time.sleep(0.03)
-    kill(loop, signal.SIGCONT)
-    until("a fault, or ticks go on", lambda: bench.state() in ("fault", "exciting"))
-
-
-def test_sigkill_of_the_gateway_stops_the_rig(bench: Bench) -> None:
-    bench.excite()
-    kill(find_process(GATEWAY, bench.program.pid), signal.SIGKILL)
-    until("neutral", bench.rig_is_neutral)
-    until("a new gateway", lambda: find_process(GATEWAY, bench.program.pid))
-    bench.connect()
-    assert bench.state() == "fault"
 
 
 def test_one_daemon_for_a_rig(bench: Bench) -> None:

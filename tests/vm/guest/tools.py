@@ -10,12 +10,13 @@ import struct
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     import signal
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 REPO = Path(__file__).parents[3]
 SEOD = Path(sys.executable).with_name("seod")
@@ -25,6 +26,10 @@ PATIENCE_S = 45.0
 
 COMMAND_ID = 0x201
 """The message `Valve` of configs/motor.dbc: command voltage in its first two bytes, 0.5 mV a bit."""
+
+CAN_ERR_FLAG = 0x20000000
+CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x004, 0x040, 0x100
+"""Error messages of linux/can/error.h; `vcan` never makes any, so that the tests send them."""
 
 Json = dict[str, Any]
 T = TypeVar("T")
@@ -83,6 +88,7 @@ class Rpc:
             message = self.heard.pop(0) if self.heard else self.next()
             if fits(message):
                 return message
+            assert message.get("params", {}).get("event") != "fault", f"waiting for {what}: {message}"
         raise AssertionError(f"not within {PATIENCE_S:g} s: {what}")
 
     def event(self, **wanted: Any) -> Json:
@@ -170,14 +176,14 @@ class Seen(NamedTuple):
 class Listener:
     """A third party on the bus that sees every command frame with its kernel timestamp."""
 
-    SO_TIMESTAMPNS = 35
+    SO_RCVBUFFORCE, SO_TIMESTAMPNS = 33, 35  # asm-generic/socket.h; not in Python's module
 
     def __init__(self) -> None:
         self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         only = struct.pack("=II", COMMAND_ID, socket.CAN_SFF_MASK | socket.CAN_EFF_FLAG)
         self.socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, only)
         self.socket.setsockopt(socket.SOL_SOCKET, self.SO_TIMESTAMPNS, 1)
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUFFORCE, 16 << 20)
+        self.socket.setsockopt(socket.SOL_SOCKET, self.SO_RCVBUFFORCE, 16 << 20)
         self.socket.bind(("vcan0",))
         self.frames: list[Seen] = []
 
@@ -214,6 +220,16 @@ def ip(*arguments: str) -> None:
 def tc(*arguments: str) -> None:
     """`tc qdisc ...`."""
     subprocess.run(["tc", "qdisc", *arguments], check=True)
+
+
+@contextmanager
+def slow_bus() -> Iterator[None]:
+    """vcan0 carries some 200 frames a second, behind a queue of 10 s; what is in it at the end is lost."""
+    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
+    try:
+        yield
+    finally:
+        tc("del", "dev", "vcan0", "root")
 
 
 def kill(pid: int, number: signal.Signals) -> None:
