@@ -9,7 +9,7 @@ BIN := .venv/bin
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format unit processes vm wheel bench schema lock clean
+.PHONY: run test lint format unit processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -16,13 +15,10 @@ import seod
 
 REPO = Path(__file__).parents[1]
 
-SHIPPED = [
-    "configs/virtual.yaml",
-    "configs/can.yaml",
-    "configs/motor.dbc",
-    "configs/seod-rig.schema.json",
-    "systemd/seod@.service",
-]
+SHIPPED = {
+    "configs": ["virtual.yaml", "can.yaml", "motor.dbc", "seod-rig.schema.json"],
+    "systemd": ["seod@.service"],
+}
 
 
 @pytest.fixture(scope="module")
@@ -69,20 +65,13 @@ def test_typed_and_licensed(wheel: Path) -> None:
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
-def test_shipped_files_are_found(installed: Path, tmp_path: Path) -> None:
-    code = "import json, sys, seod.paths as p; print(json.dumps([str(p.data_file(n)) for n in sys.argv[1:]]))"
-    found = json.loads(run([installed / "python", "-c", code, *SHIPPED], tmp_path))
-    for name, path in zip(SHIPPED, found, strict=True):
-        assert Path(path).is_relative_to(installed.parent)
-        assert Path(path).read_bytes() == (REPO / name).read_bytes()
-
-
-def test_found_in_a_checkout_too() -> None:
-    from seod.paths import data_file
-
-    assert [data_file(name) for name in SHIPPED] == [REPO / name for name in SHIPPED]
-    with pytest.raises(FileNotFoundError, match=r"configs/none\.yaml"):
-        data_file("configs/none.yaml")
+@pytest.mark.parametrize("folder", SHIPPED)
+def test_shipped_files_are_found(folder: str, installed: Path, tmp_path: Path) -> None:
+    code = f"import seod.paths; print(seod.paths.{folder}_dir())"
+    found = Path(run([installed / "python", "-c", code], tmp_path).strip())
+    assert found.is_relative_to(installed.parent)
+    for name in SHIPPED[folder]:
+        assert (found / name).read_bytes() == (REPO / folder / name).read_bytes()
 
 
 def test_command_says_its_version(installed: Path, tmp_path: Path) -> None:

@@ -144,6 +144,14 @@ class Program:
                 raise
 
 
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
 def port_open(port: int) -> bool:
     """Whether something listens."""
     with socket.socket() as probe:

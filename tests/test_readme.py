@@ -1,0 +1,73 @@
+"""What the README shows works as it stands there."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from seod.paths import configs_dir
+from tests.vm.guest.tools import Program, free_port, port_open, until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+REPO = Path(__file__).parents[1]
+README = (REPO / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    """The README's code blocks in one language."""
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Where a daemon on the virtual rig listens, excited as by `make run`."""
+    folder = tmp_path_factory.mktemp("daemon")
+    number = free_port()
+    config = folder / "rig.yaml"
+    text = (configs_dir() / "virtual.yaml").read_text()
+    config.write_text(text.replace("7600", str(number)).replace("rig: virtual-motor", "rig: readme"))
+    program = Program(folder / "log", "run", config, "--start")
+    until("the port", lambda: port_open(number) or program.process.poll() is not None)
+    yield number
+    program.stop()
+
+
+@pytest.mark.processes
+def test_the_python_client(port: int) -> None:
+    (code,) = blocks("python")
+    assert len(code.strip().splitlines()) == 5
+    code = code.replace("Client()", f"Client(port={port})")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert any(re.fullmatch(r"ok 0\.2\d+ 11\d\.\d+", line) for line in done.stdout.splitlines()), done.stdout
+
+
+@pytest.mark.processes
+def test_the_raw_client(port: int) -> None:
+    (code,) = [block for block in blocks("sh") if "/dev/tcp" in block]
+    code = code.replace("7600", str(port))
+    done = subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True)
+    assert '"axis":"motor"' in done.stdout
+
+
+def test_its_files_and_make_targets_exist() -> None:
+    texts = README + (REPO / "docs" / "development.md").read_text()
+    for path in re.findall(r"\]\((?!http)([^)]+)\)", README):
+        assert (REPO / path).exists(), path
+    targets = re.findall(r"^([a-z]+):", (REPO / "Makefile").read_text(), re.MULTILINE)
+    assert set(re.findall(r"^make ([a-z]+)", texts, re.MULTILINE)) <= set(targets)
+
+
+def test_its_commands_exist() -> None:
+    from seod.cli import app
+
+    known = {command.name or command.callback.__name__.rstrip("_") for command in app.registered_commands}
+    shown = {word for block in blocks("sh") for word in re.findall(r"\bseod ([a-z]+)", block)}
+    assert shown
+    assert shown <= known
