@@ -85,8 +85,9 @@ async def test_refusals_are_errors_with_the_daemons_reason():
 async def test_the_end_of_the_daemon_is_told():
     async with running() as run:
         client = await asyncio.to_thread(blocking, run)
+        await asyncio.to_thread(client.info)
     with client, pytest.raises(EndedError, match="has ended the connection"):
-        list(client.notifications())
+        await asyncio.to_thread(lambda: list(client.notifications()))
 
 
 async def test_one_client_too_many_is_told_why():

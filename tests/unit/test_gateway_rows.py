@@ -1,5 +1,5 @@
 import pytest
-from fake_loop import PERIOD, FakeLoop, peer, rig_config, running
+from fake_loop import PERIOD, FakeLoop, eventually, peer, rig_config, running
 
 from seod import gateway
 from seod.gateway import GatewayError
@@ -61,12 +61,26 @@ def test_a_gateway_that_is_started_again_goes_on_where_the_last_one_ended():
     loop.close()
 
 
-async def test_lost_rows_are_told():
+async def test_lost_rows_are_told_and_the_estimator_begins_anew(monkeypatch):
+    class Counting:
+        resets = 0
+
+        def update(self, row):
+            return None
+
+        def reset(self):
+            Counting.resets += 1
+
+    monkeypatch.setattr(gateway, "make_estimator", lambda settings: Counting())
     async with running(rows=64) as run, peer(run) as client:
+        run.loop.row()
+        await eventually(lambda: run.loop.shared.words[Word.CONSUMED] == 1)
+        began = Counting.resets
         await client.call("subscribe", topics=["event"])
         run.loop.rows(200)
         warning = await client.until("event", code="rows_lost")
         assert warning["why"].startswith("137 rows")
+        await eventually(lambda: Counting.resets == began + 1)
         assert (await client.call("status"))["health"]["rows_lost"] == 137
 
 

@@ -36,7 +36,8 @@ async def test_with_a_read_token_only_nobody_commands():
         assert (await client.call("start"))["code"] == UNAUTHORISED
 
 
-async def test_wrong_tokens_end_the_connection():
+async def test_wrong_tokens_end_the_connection(monkeypatch):
+    monkeypatch.setattr("seod.connection.AUTHENTICATE_S", 1e3)
     async with running(command_token=COMMAND) as run, peer(run) as client:
         for _ in range(5):
             assert (await client.call("authenticate", token="\ud800 wrong"))["message"] == "wrong token"
