@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 Message = dict[str, Any]
@@ -13,8 +14,11 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def with_sd(value: float | None, sd: float | None) -> str:
-    """`0.2103 ± 0.0004`."""
-    return number(value) if value is None or sd is None else f"{number(value)} ± {number(sd, 2)}"
+    """`0.21034 ± 0.00041`: as many digits as the standard deviation has to say anything about."""
+    if value is None or not sd:
+        return number(value)
+    decimals = min(12, max(0, 1 - math.floor(math.log10(sd))))
+    return f"{value:.{decimals}f} ± {sd:.{decimals}f}"
 
 
 def estimate(e: Message) -> str:

@@ -81,7 +81,7 @@ class Board:
             table.add_column(name, min_width=18)
             columns.append(self._cells(name, now))
         for label in columns[0]:
-            table.add_row(label, *(cells.get(label, Text("-")) for cells in columns))
+            table.add_row(Text(label), *(cells.get(label, Text("-")) for cells in columns))
         return table
 
     def _cells(self, name: str, now: float) -> dict[str, Text]:

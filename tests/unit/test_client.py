@@ -166,6 +166,7 @@ async def test_watch_draws_a_table_in_a_terminal():
         shown = await watched(run, Terminal(), 5, lambda: run.loop.become(AxisState.EXCITING))
     assert "exciting" in shown
     assert "true zeta" in shown
+    assert "omega_n [rad/s]" in shown  # brackets are no markup
 
 
 async def test_watch_ends_after_its_time():
@@ -215,6 +216,9 @@ async def test_the_board_follows_events_and_tells_ages_and_faults():
 
 
 def test_numbers_for_people():
-    assert text.with_sd(0.21034, 0.00041) == "0.2103 ± 0.00041"
+    assert text.with_sd(0.210341, 0.00041) == "0.21034 ± 0.00041"
+    assert text.with_sd(117.0312, 0.24) == "117.03 ± 0.24"
+    assert text.with_sd(117.0312, 31.4) == "117 ± 31"
+    assert text.with_sd(0.21, None) == text.with_sd(0.21, 0.0) == "0.21"
     assert text.with_sd(None, None) == "-"
     assert text.settings({"e_a": 1.5, "method": "exact"}) == "e_a = 1.5, method = exact"
