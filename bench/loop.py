@@ -16,8 +16,8 @@ from pathlib import Path
 
 from drivers.virtual import VirtualDriver, VirtualOptions
 from seod.config.load import load_rig
-from seod.loop import Loop, input_channels
-from seod.pacer import TimerPacer
+from seod.loop.pacer import TimerPacer
+from seod.loop.tick import Loop, input_channels
 from seod.paths import configs_dir
 from seod.realtime import enter_realtime
 from seod.ring import Shared

@@ -154,7 +154,7 @@ class Supervisor:
         """Start the next loop process; it takes over writing to the rig once it is ready."""
         self.generation += 1
         self.tell_gateway({"loop": "starting", "generation": self.generation})
-        self.loop = self.child("seod.loop_process")
+        self.loop = self.child("seod.loop")
 
     def start_gateway(self) -> None:
         """Start the gateway process."""

@@ -90,7 +90,7 @@ def alive(pid: int) -> bool:
 
 
 def no_children_left(pid: int) -> bool:
-    return not any(find_process(module, pid) for module in ("seod.loop_process", "seod.gateway"))
+    return not any(find_process(module, pid) for module in ("seod.loop", "seod.gateway"))
 
 
 def test_estimates_are_the_rigs_truth(rig_file: Path) -> None:
@@ -111,7 +111,7 @@ def test_sigterm_ends_all_of_it(rig_file: Path) -> None:
         daemon.excite()
         pid, loop, gateway = (
             daemon.program.pid,
-            daemon.child("seod.loop_process"),
+            daemon.child("seod.loop"),
             daemon.child("seod.gateway"),
         )
         daemon.program.process.terminate()
@@ -128,7 +128,7 @@ def test_time_given_is_time_run(rig_file: Path) -> None:
 def test_dead_or_hung_loop_is_a_fault_that_a_reset_ends(rig_file: Path, number: signal.Signals) -> None:
     with running(rig_file) as daemon:
         daemon.excite()
-        loop = daemon.child("seod.loop_process")
+        loop = daemon.child("seod.loop")
         os.kill(loop, number)
         fault = daemon.rpc.event(event="fault")
         assert "loop process" in fault["why"]
@@ -140,7 +140,7 @@ def test_dead_or_hung_loop_is_a_fault_that_a_reset_ends(rig_file: Path, number: 
         kill(loop, signal.SIGCONT)
         daemon.rpc.call("reset")
         until("the next loop", lambda: daemon.state() == "idle")
-        assert daemon.child("seod.loop_process") != loop
+        assert daemon.child("seod.loop") != loop
         daemon.excite()
         assert daemon.estimate()["omega_n"] == pytest.approx(117.0, rel=0.05)
 
@@ -163,7 +163,7 @@ def test_dead_gateway_stops_the_rig_and_comes_back(rig_file: Path) -> None:
 def test_dead_supervisor_takes_the_others_along(rig_file: Path) -> None:
     with running(rig_file) as daemon:
         daemon.excite()
-        children = [daemon.child("seod.loop_process"), daemon.child("seod.gateway")]
+        children = [daemon.child("seod.loop"), daemon.child("seod.gateway")]
         daemon.program.process.kill()
         daemon.program.process.wait()
         until("their end", lambda: not any(map(alive, children)))
@@ -235,7 +235,7 @@ def test_loop_and_supervisor_are_real_time_and_the_gateway_never(rig_file: Path)
             name: os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
             for name, pid in (
                 ("supervisor", daemon.program.pid),
-                ("loop", daemon.child("seod.loop_process")),
+                ("loop", daemon.child("seod.loop")),
                 ("gateway", daemon.child("seod.gateway")),
             )
         }

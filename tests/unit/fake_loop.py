@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from seod.client import Client
 from seod.config.model import RigConfig
-from seod.gateway import Gateway
+from seod.gateway.process import Gateway
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, AxisState, Shared, Word
 
 if TYPE_CHECKING:

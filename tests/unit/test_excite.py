@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seod.excite import PolarityPulse, PositionHold, Relay
+from seod.loop.excite import PolarityPulse, PositionHold, Relay
 
 
 def test_relay_switches_at_its_hysteresis() -> None:

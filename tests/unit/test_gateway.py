@@ -8,9 +8,10 @@ import subprocess
 import pytest
 from fake_loop import DEADLINE_S, PERIOD, FakeLoop, eventually, hear, peer, rig_config, running
 
-from seod import PROTOCOL, __version__, gateway
-from seod.gateway import Gateway, leave_realtime
-from seod.health import histogram
+from seod import PROTOCOL, __version__
+from seod.gateway import process as gateway
+from seod.gateway.health import histogram
+from seod.gateway.process import Gateway, leave_realtime
 from seod.process import ChildArguments, write_memfd
 from seod.protocol import INVALID_PARAMS, NO_ANSWER, REFUSED
 from seod.ring import AxisState, Word
@@ -199,7 +200,7 @@ async def test_a_row_written_before_the_fault_does_not_take_it_back():
 
 
 async def test_when_no_rows_come_the_estimate_is_stale(monkeypatch):
-    monkeypatch.setattr("seod.rig.SILENCE_S", 0.05)
+    monkeypatch.setattr("seod.gateway.rig.SILENCE_S", 0.05)
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["estimate"])
         run.loop.rows(1000)

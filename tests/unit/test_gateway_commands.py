@@ -1,7 +1,7 @@
 import pytest
 from fake_loop import eventually, peer, running
 
-from seod import mailbox
+from seod.gateway import mailbox
 from seod.protocol import BUSY, INVALID_PARAMS, NO_ANSWER, REFUSED
 
 

@@ -1,10 +1,10 @@
 import pytest
 from fake_loop import PERIOD, FakeLoop, eventually, peer, rig_config, running
 
-from seod import gateway
-from seod.gateway import GatewayError
+from seod.gateway import process as gateway
+from seod.gateway.process import GatewayError
+from seod.gateway.rows import RowReader
 from seod.ring import Word
-from seod.rows import RowReader
 
 
 def test_rows_that_were_overwritten_are_counted_and_none_is_torn():

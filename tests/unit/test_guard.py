@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.base import NO_SAMPLE, Sample
-from seod import guard
 from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+from seod.loop import guard
 
 LIMITS = {"output": 1.0, "travel": (-1.0, 1.0), "speed": 10.0, "amplitude": 0.2, "excitation": 10.0}
 

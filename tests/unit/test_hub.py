@@ -4,7 +4,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seod.hub import Feed, Hub
+from seod.gateway.hub import Feed, Hub
 
 
 class Sink:

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from seod import pacer as module
-from seod.pacer import SensorPacer, SimulatedPacer, TimerPacer
+from seod.loop import pacer as module
+from seod.loop.pacer import SensorPacer, SimulatedPacer, TimerPacer
 from seod.ring import Shared, Word
 
 

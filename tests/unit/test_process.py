@@ -20,8 +20,8 @@ def arguments() -> ChildArguments:
 
 
 def test_arguments_survive_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    command = arguments().command("seod.loop_process")
-    assert command[:3] == [sys.executable, "-m", "seod.loop_process"]
+    command = arguments().command("seod.loop")
+    assert command[:3] == [sys.executable, "-m", "seod.loop"]
     monkeypatch.setattr(sys, "argv", ["x", command[3]])
     assert ChildArguments.from_argv() == arguments()
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seod.params import AxisParams, EstopParams, Params, SetParams, SubscribeParams, read_params
+from seod.gateway.params import AxisParams, EstopParams, Params, SetParams, SubscribeParams, read_params
 from seod.protocol import (
     INVALID_PARAMS,
     INVALID_REQUEST,

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seod import record
-from seod.record import CsvFile, CsvLines, CsvRecorder, header
+from seod.gateway import record
+from seod.gateway.record import CsvFile, CsvLines, CsvRecorder, header
+from seod.gateway.rows import row_dtype
 from seod.ring import FLAG_FRESH, AxisState
-from seod.rows import row_dtype
 
 DEADLINE_S = 20.0
 

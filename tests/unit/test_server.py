@@ -5,7 +5,7 @@ import socket
 import pytest
 from fake_loop import eventually, peer, running
 
-from seod.connection import BACKLOG_BYTES, SEND_BUFFER_BYTES, Connection
+from seod.gateway.connection import BACKLOG_BYTES, SEND_BUFFER_BYTES, Connection
 from seod.protocol import BUSY, MAX_LINE, TOO_MANY_CLIENTS
 
 # ---- the protocol over a socket

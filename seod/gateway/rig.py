@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from seod import PROTOCOL, __version__
 from seod.config.truth import truth
-from seod.estimation import Axis, message, sample_message
-from seod.health import Health
-from seod.mailbox import Mailbox
-from seod.record import WAITING_ROWS, CsvRecorder
-from seod.rows import RowReader
+from seod.gateway.estimation import Axis, message, sample_message
+from seod.gateway.health import Health
+from seod.gateway.mailbox import Mailbox
+from seod.gateway.record import WAITING_ROWS, CsvRecorder
+from seod.gateway.rows import RowReader
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.estimate.base import Estimate, Estimator, EstimatorSettings
-    from seod.estimation import RowTuple
-    from seod.hub import Hub
+    from seod.gateway.estimation import RowTuple
+    from seod.gateway.hub import Hub
     from seod.ring import Shared
 
     Event = dict[str, Any]

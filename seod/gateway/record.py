@@ -53,7 +53,7 @@ class CsvLines:
         self._last = [(math.nan, math.nan)] * axes
 
     def lines(self, rows: NDArray[np.void]) -> str:
-        """One line for each row (dtype `seod.rows.row_dtype`)."""
+        """One line for each row (dtype `seod.gateway.rows.row_dtype`)."""
         parts = []
         columns = (rows[name].tolist() for name in ("tick", "tick_t", "axes"))
         for tick, t_tick, axes in zip(*columns, strict=True):
@@ -139,7 +139,7 @@ class CsvRecorder:
         return self._taken - self._written - self._failed
 
     def add(self, rows: NDArray[np.void]) -> None:
-        """Take rows (dtype `seod.rows.row_dtype`) to be written soon; never waits."""
+        """Take rows (dtype `seod.gateway.rows.row_dtype`) to be written soon; never waits."""
         if self.waiting + len(rows) > WAITING_ROWS:
             self._refused += len(rows)
             return

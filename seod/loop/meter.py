@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.base import Driver, Sample
-    from seod.pacer import Pacer
+    from seod.loop.pacer import Pacer
     from seod.ring import Shared
 
 COUNTERS_EVERY = 50

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import signal
 import socket
-import sys
 from typing import TYPE_CHECKING
 
 from drivers import driver_class
 from drivers.base import Driver, DriverError
 from seod.config.model import RigConfig
 from seod.config.truth import truth
-from seod.guard import Trip
-from seod.loop import Loop, input_channels
-from seod.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
+from seod.loop.guard import Trip
+from seod.loop.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
+from seod.loop.tick import Loop, input_channels
 from seod.process import ChildArguments, die_with_parent, read_memfd, send_json
 from seod.realtime import enter_realtime
 from seod.ring import AxisState, Shared
@@ -108,7 +107,3 @@ def announce(loop: Loop, refused: list[str]) -> None:
                 "why": "loop started",
             }
         )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

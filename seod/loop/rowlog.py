@@ -10,7 +10,7 @@ from seod.ring import AXIS_FIELDS, Word
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.axis import Axis
+    from seod.loop.axis import Axis
     from seod.ring import Shared
 
 AXIS_VALUES = len(AXIS_FIELDS) + 2

@@ -7,15 +7,15 @@ import ipaddress
 import ssl
 from typing import TYPE_CHECKING, Any
 
-from seod.connection import AUTHENTICATE_S, Connection
+from seod.gateway.connection import AUTHENTICATE_S, Connection
 from seod.protocol import NO_ANSWER, TOO_MANY_CLIENTS, RpcError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.config.model import ServerConfig, TlsConfig
-    from seod.hub import Hub
-    from seod.service import Service
+    from seod.gateway.hub import Hub
+    from seod.gateway.service import Service
 
 GOODBYE_S = 0.5
 

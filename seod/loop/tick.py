@@ -9,19 +9,19 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
-from seod import guard
-from seod.axis import Axis
-from seod.guard import Trip
-from seod.meter import TickMeter
+from seod.loop import guard
+from seod.loop.axis import Axis
+from seod.loop.guard import Trip
+from seod.loop.meter import TickMeter
+from seod.loop.rowlog import RowLog
 from seod.ring import Word
-from seod.rowlog import RowLog
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.base import Driver, Sample
     from seod.config.model import RigConfig
-    from seod.pacer import Pacer
+    from seod.loop.pacer import Pacer
     from seod.ring import Shared
 
 FENCED = 3

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from seod.estimate import TABLE
-from seod.estimation import LOOP_SETTINGS
-from seod.params import (
+from seod.gateway.estimation import LOOP_SETTINGS
+from seod.gateway.params import (
     TOPICS,
     AuthenticateParams,
     AxisParams,
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from seod.config.model import ServerConfig
-    from seod.estimation import Axis
-    from seod.hub import Hub, Sink
-    from seod.rig import Rig
+    from seod.gateway.estimation import Axis
+    from seod.gateway.hub import Hub, Sink
+    from seod.gateway.rig import Rig
 
 Result = dict[str, Any]
 Right = Literal["none", "read", "command"]

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.base import NO_SAMPLE, Sample
 from seod.config.units import UNITS
-from seod.excite import Controller, PolarityPulse, PositionHold, Relay
-from seod.guard import AxisGuard, Trip
+from seod.loop.excite import Controller, PolarityPulse, PositionHold, Relay
+from seod.loop.guard import AxisGuard, Trip
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, AxisState
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from seod.protocol import (
 )
 
 if TYPE_CHECKING:
-    from seod.server import Server
-    from seod.service import Result
+    from seod.gateway.server import Server
+    from seod.gateway.service import Result
 
     Outcome = Result | RpcError | Awaitable[Result]
 

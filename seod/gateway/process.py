@@ -9,20 +9,19 @@ import asyncio
 import os
 import signal
 import socket
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seod.config.model import RigConfig
 from seod.estimate import make_estimator
-from seod.hub import Hub
+from seod.gateway.hub import Hub
+from seod.gateway.record import CsvRecorder
+from seod.gateway.rig import Rig
+from seod.gateway.server import Server, ServerError
+from seod.gateway.service import Service
 from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
-from seod.record import CsvRecorder
-from seod.rig import Rig
 from seod.ring import Shared, Word
-from seod.server import Server, ServerError
-from seod.service import Service
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -151,7 +150,3 @@ def main() -> int:
             send_json(link, {"gateway": "failed", "why": str(error)})
             return 1
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
