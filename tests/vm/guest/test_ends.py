@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from conftest import Bench
     from tools import Listener, Rpc
 
-LOOP, GATEWAY = "seod.loop_process", "seod.gateway"
+LOOP, GATEWAY = "seod.loop", "seod.gateway"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from conftest import Bench
     from tools import Listener
 
-LOOP = "seod.loop_process"
+LOOP = "seod.loop"
 
 
 def test_sigkill_of_the_loop(bench: Bench, listener: Listener) -> None:
