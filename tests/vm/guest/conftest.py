@@ -73,12 +73,18 @@ class Bench:
     def excite(self) -> None:
         """Start, and wait for the relay."""
         self.daemon.call("start")
-        self.wait_state("exciting")
+        until("the relay", lambda: self.state() in ("exciting", "fault"))
+        axis = self.daemon.call("get", axis="motor")
+        assert axis["state"] == "exciting", axis["fault"]
 
     def recover(self) -> None:
         """Reset a fault, or stop and wait until the axis is back."""
         self.daemon.call("reset" if self.state() == "fault" else "stop")
         self.wait_state("idle")
+
+    def center(self) -> None:
+        """Put the load back to where it stood at first: a rig without commands moves on until its watchdog."""
+        self.rig.call("set", plant="motor", position=0.0)
 
 
 @contextmanager
@@ -122,9 +128,9 @@ def bench(shared_bench: Bench) -> Iterator[Bench]:
     shared_bench.rig.call("constant", channel="Encoder.run_enable", value=1.0)
     ip("link", "set", "vcan0", "up")
     send_raw(CAN_ERR_FLAG | CAN_ERR_RESTARTED, bytes(8))
-    until("the rig is heard again", lambda: shared_bench.health()["sample_age_s"] < 0.01)
+    until("the rig is heard again", lambda: shared_bench.health()["sample_age_s"] < 0.1)
     shared_bench.recover()
-    shared_bench.rig.call("set", plant="motor", position=0.0)  # a rig without commands drifts
+    shared_bench.center()
     shared_bench.daemon.heard.clear()
 
 
