@@ -83,7 +83,7 @@ class Bench:
         self.wait_state("idle")
 
     def center(self) -> None:
-        """Put the load back to where it stood at first: a rig without commands moves on until its watchdog."""
+        """Put the load back to where it stood at first: without commands it moves until the watchdog."""
         self.rig.call("set", plant="motor", position=0.0)
 
 
