@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import errno
 import math
+import select
 import socket
 from typing import TYPE_CHECKING
 
 import can
+from can.interfaces.socketcan.socketcan import build_can_frame, capture_message
 
 from drivers import can_counters as count
 from drivers.base import DriverError
@@ -48,6 +50,7 @@ class CanLink:
         self._options = options
         self._counts = counts
         self._bus: can.BusABC | None = None
+        self._raw: socket.socket | None = None
         self._filters: CanFilters = []
         self._queue = 0
         self._next_attempt = -math.inf
@@ -66,7 +69,7 @@ class CanLink:
         self._queue = queue
         self.down = self.bus_off = ""
         try:
-            self._bus = self._take_bus()
+            self._take_bus()
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
             o = self._options
             raise DriverError(
@@ -80,7 +83,7 @@ class CanLink:
             )
         return ""
 
-    def _take_bus(self) -> can.BusABC:
+    def _take_bus(self) -> None:
         o = self._options
         wanted = {
             "interface": o.interface,
@@ -95,19 +98,22 @@ class CanLink:
             wanted["data_bitrate"] = o.data_bitrate
         # configuration files of python-can on this machine must not change what the rig file says
         bus = can.Bus(ignore_config=True, **{**wanted, **o.bus_options, "can_filters": self._filters})
+        self._bus = bus
         raw = getattr(bus, "socket", None)
-        if isinstance(raw, socket.socket):
+        if o.interface == "socketcan" and isinstance(raw, socket.socket):
             raw.setblocking(False)
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._queue * FRAME_MEMORY)
-        return bus
+            self._raw = raw
 
     def receive(self, timeout: float = 0.0) -> can.Message | None:
         """The next frame, or None if there is none within `timeout` s or the bus is gone."""
         if self._bus is None:
             return None
         try:
-            return self._bus.recv(timeout)
+            return self._bus.recv(timeout) if self._raw is None else _receive(self._raw, timeout)
         except (can.CanError, OSError, ValueError) as error:
+            if _code(error) == errno.EAGAIN:
+                return None
             self._counts[count.RECEIVE_ERRORS] += 1
             self._fail(error)
             return None
@@ -122,7 +128,10 @@ class CanLink:
         if self._bus is None:
             return False
         try:
-            self._bus.send(message)
+            if self._raw is None:
+                self._bus.send(message)
+            else:
+                self._raw.send(build_can_frame(message))
         except (can.CanError, OSError, ValueError) as error:
             self._send_failed(error)
             return False
@@ -159,7 +168,7 @@ class CanLink:
             return
         self._next_attempt = t + REOPEN_S
         try:
-            self._bus = self._take_bus()
+            self._take_bus()
         except (can.CanError, OSError):
             return
         self._counts[count.REOPENED] += 1
@@ -192,7 +201,14 @@ class CanLink:
     def _drop_bus(self) -> None:
         if self._bus is not None:
             self._bus.shutdown()
-            self._bus = None
+            self._bus = self._raw = None
+
+
+def _receive(raw: socket.socket, timeout: float) -> can.Message | None:
+    """As `Bus.recv` of SocketCAN, with a third of its system calls, and deaf to steps of the wall clock."""
+    if timeout > 0.0 and not select.select([raw], [], [], timeout)[0]:
+        return None
+    return capture_message(raw)
 
 
 def _code(error: Exception) -> int | None:
