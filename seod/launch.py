@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
+import errno
 import os
+import socket
+import struct
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,38 +65,36 @@ def spawn(config_path: Path, duration: float | None, record: Path | None) -> sub
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)  # noqa: S603 - our own
 
 
-def lock_directory() -> Path:
-    """Where locks lie: /run/seod for root and services, else the user's runtime directory."""
-    for variable, below in (("RUNTIME_DIRECTORY", "."), ("XDG_RUNTIME_DIR", "seod")):
-        if variable in os.environ:
-            return Path(os.environ[variable]) / below
-    if os.geteuid() == 0:
-        return Path("/run/seod")
-    return Path(tempfile.gettempdir()) / f"seod-{os.getuid()}"
+def lock(rig: str) -> None:
+    """Take the rig's lock for the life of this process, exec included.
 
-
-def lock(rig: str) -> int:
-    """Take the rig's lock for the life of this process (it survives exec).
+    It is a name in the kernel: seen by all users, and gone with its owner however that ends.
 
     Raises:
         LaunchError: Another process has it; says which.
     """
-    directory = lock_directory()
-    directory.mkdir(mode=0o755, parents=True, exist_ok=True)
-    path = directory / f"{rig}.lock"
-    fd = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as mine:
+        name = f"\0seod/{rig}"
+        try:
+            mine.bind(name)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            owner = lock_owner(mine, name)
+            raise LaunchError(f"rig {rig!r} is run already by {owner}: stop that daemon first") from None
+        mine.listen(128)
+        os.set_inheritable(mine.fileno(), True)
+        mine.detach()
+
+
+def lock_owner(mine: socket.socket, name: str) -> str:
+    """Who holds a lock, for people."""
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        owner = os.pread(fd, 32, 0).decode(errors="replace").strip() or "unknown"
-        os.close(fd)
-        raise LaunchError(
-            f"rig {rig!r} is run already by process {owner} (lock {path}): stop that daemon first"
-        ) from None
-    os.ftruncate(fd, 0)
-    os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
-    os.set_inheritable(fd, True)
-    return fd
+        mine.connect(name)
+        pid, _, _ = struct.unpack("3i", mine.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+    except OSError:  # it ends just now
+        return "another process"
+    return f"process {pid}"
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import socket
 import time
@@ -14,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from seod.paths import configs_dir
-from tests.vm.guest.tools import Program, Rpc, find_process, kill, port_open, until
+from tests.peers import Program, Rpc, find_process, kill, port_of, port_open, until, write_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,29 +21,15 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.processes
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 @pytest.fixture
-def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    text = (configs_dir() / "virtual.yaml").read_text()
-    text = text.replace("port: 7600", f"port: {free_port()}").replace(
-        "hang_timeout: 50 ms", "hang_timeout: 1 s"
-    )
-    path = tmp_path / "rig.yaml"
-    path.write_text(text.replace("count: 20,", "count: 150,"))  # a busy machine is not what is tested here
-    return path
+def rig_file(tmp_path: Path) -> Path:
+    return write_rig_file(tmp_path)
 
 
 class Daemon:
     def __init__(self, rig_file: Path, *arguments: str) -> None:
         self.program = Program(rig_file.with_name("log"), "run", rig_file, *arguments)
-        self.port = int(re.findall(r"port: (\d+)", rig_file.read_text())[0])
+        self.port = port_of(rig_file)
         until("the port", lambda: port_open(self.port) or self.program.process.poll() is not None)
         assert self.program.process.poll() is None, self.program.said()
         self.rpc = Rpc(self.port)
@@ -178,7 +162,7 @@ def test_second_daemon_on_the_rig_is_refused_by_name(rig_file: Path) -> None:
 
 
 def test_taken_port_is_said_and_nothing_is_left(rig_file: Path) -> None:
-    port = int(re.findall(r"port: (\d+)", rig_file.read_text())[0])
+    port = port_of(rig_file)
     with socket.create_server(("127.0.0.1", port)):
         program = Program(rig_file.with_name("log"), "run", rig_file)
         assert program.wait() == 1
@@ -210,9 +194,7 @@ def test_rates_and_paces(rig_file: Path, rate: int, pace: str) -> None:
         .replace("rate_hz: 2000 ", f"rate_hz: {rate} ")
         .replace("pace: timer", f"pace: {pace}")
     )
-    text = text.replace("stale: 10 ms", "stale: 50 ms").replace(
-        "count: 150, window: 100 ms", "count: 9, window: 100 ms"
-    )
+    text = text.replace("count: 150, window: 100 ms", "count: 9, window: 100 ms")
     if rate == 100:  # ten samples a cycle are too few for the relay: a slower plant
         text = (
             text.replace("omega_n: 117", "omega_n: 11.7")

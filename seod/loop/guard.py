@@ -43,25 +43,36 @@ class SpeedMeter:
 
 
 class SwingMeter:
-    """Half the peak-to-peak movement, in blocks: tells the amplitude now and how fast it grows."""
+    """Half the peak-to-peak movement, in blocks: tells the amplitude now and how fast it grows.
+
+    A block lasts `BLOCK_S`, and longer where that is less than a whole oscillation.
+    """
 
     BLOCK_S = 0.25
     KEPT = 4
+    TURNS = 3
+    """Passages between the outer quarters that a block must hold: then it holds a whole oscillation."""
 
     def __init__(self, t: float) -> None:
         self.block_end = t + self.BLOCK_S
         self.blocks: deque[tuple[float, float]] = deque(maxlen=self.KEPT)
         self.low = self.kept_low = math.inf
         self.high = self.kept_high = -math.inf
+        self.upper = False
+        self.turns = 0
 
     def update(self, t: float, y: float) -> float:
         """Take one sample; half the peak-to-peak movement over about the last second [axis unit]."""
-        if t >= self.block_end:
+        if t >= self.block_end and self.turns >= self.TURNS:
             self._end_block(t)
         if y < self.low:
             self.low = y
         if y > self.high:  # both may hold: the first sample of a block
             self.high = y
+        quarter = 0.25 * (self.high - self.low)
+        if y < self.low + quarter if self.upper else y > self.high - quarter:
+            self.upper = not self.upper
+            self.turns += 1
         low = self.low if self.low < self.kept_low else self.kept_low
         high = self.high if self.high > self.kept_high else self.kept_high
         return 0.5 * (high - low)
@@ -78,6 +89,7 @@ class SwingMeter:
         self.kept_low = min(block[0] for block in self.blocks)
         self.kept_high = max(block[1] for block in self.blocks)
         self.low, self.high = math.inf, -math.inf
+        self.turns = 0
         self.block_end = t + self.BLOCK_S
 
 
@@ -194,7 +206,7 @@ class AxisGuard:
         if growth_counts and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",
-                f"{self.name}: the oscillation grew {growth:.3g} times within a second; limits.growth is "
+                f"{self.name}: the oscillation grew {growth:.3g} times within a few periods; limits.growth is "
                 f"{self.limits.growth:.3g}",
                 {"growth": growth, "limit": self.limits.growth, "amplitude": swing},
             )

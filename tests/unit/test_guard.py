@@ -44,6 +44,14 @@ def test_each_limit_trips() -> None:
     assert feed(axis_guard(), sine(0.02, 8.0, 3.0, growth=5.0)) == "amplitude_growth"
 
 
+@pytest.mark.parametrize("hertz", [0.3, 1.0, 3.0, 8.0, 18.0])
+def test_growth_is_that_of_whole_oscillations(hertz: float) -> None:
+    steady = sine(0.19, hertz, 20.0 / hertz)
+    assert feed(axis_guard(speed=1e3), steady) is None
+    growing = sine(0.02, hertz, 40.0 / hertz, growth=1.4**hertz)
+    assert feed(axis_guard(amplitude=0.9, speed=1e3), growing) == "amplitude_growth"
+
+
 def test_growth_counts_only_when_told_so() -> None:
     judge = axis_guard()
     for t, y in sine(0.005, 8.0, 1.6, growth=8.0):

@@ -7,18 +7,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
-from tools import (
-    CAN_ERR_FLAG,
-    CAN_ERR_RESTARTED,
-    CONFIG,
-    Listener,
-    Program,
-    Rpc,
-    ip,
-    port_open,
-    send_raw,
-    until,
-)
+from bus import CAN_ERR_FLAG, CAN_ERR_RESTARTED, CONFIG, Listener, ip, send_raw
+
+from tests.peers import Program, Rpc, port_open, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

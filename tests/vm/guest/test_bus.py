@@ -5,21 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tools import (
-    CAN_ERR_BUSOFF,
-    CAN_ERR_CRTL,
-    CAN_ERR_FLAG,
-    CAN_ERR_RESTARTED,
-    RpcError,
-    ip,
-    send_raw,
-    slow_bus,
-    until,
-)
+from bus import CAN_ERR_BUSOFF, CAN_ERR_CRTL, CAN_ERR_FLAG, CAN_ERR_RESTARTED, ip, send_raw, slow_bus
+
+from tests.peers import RpcError, until
 
 if TYPE_CHECKING:
+    from bus import Listener
     from conftest import Bench
-    from tools import Listener
 
 PASSIVE = 0x30
 """data[1] of an error message: receive and transmit side are error-passive."""

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from tools import ip, tc, until
+from bus import ip, tc
 
 from drivers.can import CanDriver
 from drivers.can_codec import CanCodec
 from drivers.can_config import CanOptions
 from drivers.neutral import open_neutral, pack_frame
+from tests.peers import until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,14 +7,18 @@ import signal
 from typing import TYPE_CHECKING
 
 import pytest
+from bus import CONFIG
 from conftest import run_daemon
-from tools import CONFIG, REPO, find_process, kill, until
+
+from tests.peers import REPO, find_process, kill, until
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from bus import Listener
     from conftest import Bench
-    from tools import Listener, Rpc
+
+    from tests.peers import Rpc
 
 LOOP, GATEWAY = "seod.loop", "seod.gateway"
 

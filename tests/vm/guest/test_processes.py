@@ -7,11 +7,13 @@ import subprocess
 import time
 from typing import TYPE_CHECKING
 
-from tools import CONFIG, SEOD, find_process, kill, until
+from bus import CONFIG
+
+from tests.peers import SEOD, find_process, kill, until
 
 if TYPE_CHECKING:
+    from bus import Listener
     from conftest import Bench
-    from tools import Listener
 
 LOOP = "seod.loop"
 

@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from bus import CONFIG
 from conftest import PORT
-from tools import CONFIG, REPO, SEOD, Rpc, kill, port_open, until
+
+from tests.peers import REPO, SEOD, Rpc, kill, port_open, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tools import Listener
+    from bus import Listener
 
 UNIT = "seod@can.service"
 RIG_FILES = Path("/etc/seod")

@@ -1,35 +1,25 @@
-"""What the guest's tests are made of: processes, JSON-RPC by line, the bus itself. Standard library only."""
+"""The other ends that tests talk to: processes and JSON-RPC by line. Standard library only."""
 
 from __future__ import annotations
 
 import json
 import os
-import select
+import re
 import socket
-import struct
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     import signal
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
-REPO = Path(__file__).parents[3]
+REPO = Path(__file__).parents[1]
 SEOD = Path(sys.executable).with_name("seod")
-CONFIG = Path(__file__).with_name("rig.yaml")
 PATIENCE_S = 45.0
 """How long a condition may take to come true; none should."""
-
-COMMAND_ID = 0x201
-"""The message `Valve` of configs/motor.dbc: command voltage in its first two bytes, 0.5 mV a bit."""
-
-CAN_ERR_FLAG = 0x20000000
-CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x004, 0x040, 0x100
-"""Error messages of linux/can/error.h; `vcan` never makes any, so that the tests send them."""
 
 Json = dict[str, Any]
 T = TypeVar("T")
@@ -152,6 +142,29 @@ def free_port() -> int:
         return port
 
 
+def write_rig_file(folder: Path) -> Path:
+    """The shipped virtual rig with a name and a port of its own, and patience with a busy machine."""
+    port = free_port()
+    text = (REPO / "configs" / "virtual.yaml").read_text()
+    for old, new in (
+        ("rig: virtual-motor", f"rig: motor-{port}"),
+        ("port: 7600", f"port: {port}"),
+        ("hang_timeout: 50 ms", "hang_timeout: 1 s"),
+        ("stale: 10 ms", "stale: 100 ms"),
+        ("count: 20,", "count: 150,"),
+    ):
+        assert old in text, old
+        text = text.replace(old, new)
+    path = folder / "rig.yaml"
+    path.write_text(text)
+    return path
+
+
+def port_of(rig_file: Path) -> int:
+    """The port that a rig file names."""
+    return int(re.findall(r"^  port: (\d+)", rig_file.read_text(), re.MULTILINE)[0])
+
+
 def port_open(port: int) -> bool:
     """Whether something listens."""
     with socket.socket() as probe:
@@ -171,73 +184,6 @@ def find_process(word: str, parent: int | None = None) -> int:
         if word.encode() in words and fields[0] != "Z" and parent in (None, int(fields[1])):
             return int(entry.name)
     return 0
-
-
-class Seen(NamedTuple):
-    """A command frame on the bus."""
-
-    t: float
-    """Kernel timestamp, converted to CLOCK_MONOTONIC [s]."""
-    volts: float
-
-
-class Listener:
-    """A third party on the bus that sees every command frame with its kernel timestamp."""
-
-    SO_RCVBUFFORCE, SO_TIMESTAMPNS = 33, 35  # asm-generic/socket.h; not in Python's module
-
-    def __init__(self) -> None:
-        self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        only = struct.pack("=II", COMMAND_ID, socket.CAN_SFF_MASK | socket.CAN_EFF_FLAG)
-        self.socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, only)
-        self.socket.setsockopt(socket.SOL_SOCKET, self.SO_TIMESTAMPNS, 1)
-        self.socket.setsockopt(socket.SOL_SOCKET, self.SO_RCVBUFFORCE, 16 << 20)
-        self.socket.bind(("vcan0",))
-        self.frames: list[Seen] = []
-
-    def read(self) -> list[Seen]:
-        """Everything seen so far."""
-        offset = time.monotonic() - time.time()
-        while select.select([self.socket], [], [], 0)[0]:
-            try:
-                frame, extra, _, _ = self.socket.recvmsg(72, 64)
-            except OSError:  # the interface went down: told once, then it goes on
-                continue
-            seconds, nanoseconds = struct.unpack("qq", extra[0][2][:16])
-            (raw,) = struct.unpack_from("<h", frame, 8)
-            self.frames.append(Seen(seconds + nanoseconds * 1e-9 + offset, raw * 0.0005))
-        return self.frames
-
-    def close(self) -> None:
-        """Stop listening."""
-        self.socket.close()
-
-
-def send_raw(can_id: int, data: bytes) -> None:
-    """Put one frame on the bus; with CAN_ERR_FLAG it is an error message as a controller reports it."""
-    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
-        bus.bind(("vcan0",))
-        bus.send(struct.pack("=IB3x8s", can_id, len(data), data))
-
-
-def ip(*arguments: str) -> None:
-    """`ip ...`."""
-    subprocess.run(["ip", *arguments], check=True)
-
-
-def tc(*arguments: str) -> None:
-    """`tc qdisc ...`."""
-    subprocess.run(["tc", "qdisc", *arguments], check=True)
-
-
-@contextmanager
-def slow_bus() -> Iterator[None]:
-    """vcan0 carries some 200 frames a second, behind a queue of 10 s; what is in it at the end is lost."""
-    tc("add", "dev", "vcan0", "root", "tbf", "rate", "30kbit", "burst", "1kb", "latency", "10s")
-    try:
-        yield
-    finally:
-        tc("del", "dev", "vcan0", "root")
 
 
 def kill(pid: int, number: signal.Signals) -> None:
