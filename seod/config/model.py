@@ -168,7 +168,7 @@ class LimitsConfig(Section):
     amplitude: PositivePosition
     """Half the peak-to-peak movement within one second of excitation."""
     growth: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.0
-    """Largest growth of the limit cycle within one second, once it stands at its amplitude."""
+    """Largest growth of the limit cycle within a second or a few periods, once it is at its amplitude."""
     excitation: Seconds
     """Longest excitation from start to stop; then stopped, not faulted."""
 
