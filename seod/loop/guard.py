@@ -206,8 +206,8 @@ class AxisGuard:
         if growth_counts and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",
-                f"{self.name}: the oscillation grew {growth:.3g} times within a few periods; limits.growth is "
-                f"{self.limits.growth:.3g}",
+                f"{self.name}: the oscillation grew {growth:.3g} times within a few periods; "
+                f"limits.growth is {self.limits.growth:.3g}",
                 {"growth": growth, "limit": self.limits.growth, "amplitude": swing},
             )
         return None
