@@ -57,8 +57,10 @@ def tighten_timers() -> str:
 def forbid_deep_sleep() -> str:
     """Keep the processors out of sleep states that are slow to leave, while this process lives.
 
-    Returns why not, or "".
+    Returns why not, or "". A kernel without the device (most virtual machines) has no such states to offer.
     """
+    if not DMA_LATENCY.exists():
+        return ""
     try:
         fd = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
         os.write(fd, b"\0\0\0\0")  # 0 us; holds until the descriptor is closed with the process
