@@ -168,6 +168,24 @@ def rig(
 
 
 @app.command()
+def latency(
+    duration: Annotated[
+        float, typer.Option("--for", min=0.1, metavar="S", help="Measure for this long.")
+    ] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
+) -> None:
+    """Show how late this machine and the loop wake up, and what to change."""
+    from seod.measure_latency import MeasureError, measure  # noqa: PLC0415 - the whole loop
+
+    with plain_errors():
+        try:
+            report = measure(duration)
+        except MeasureError as error:
+            raise CommandError(str(error)) from error
+        show(json.dumps(report.as_json()) if as_json else report.as_text())
+
+
+@app.command()
 def check(path: ConfigPath) -> None:
     """Validate a rig file and compute its bus load."""
     from seod.config.check import check as judge  # noqa: PLC0415
