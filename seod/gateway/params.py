@@ -63,6 +63,14 @@ class SetParams(AxisParams):
         return self.model_dump(exclude={"axis"}, exclude_none=True)
 
 
+class DriveParams(AxisParams):
+    """An open-loop voltage for a while, for calibration; the axis' bias is added."""
+
+    volts: _Finite
+    duration: _Positive
+    """[s]"""
+
+
 class AuthenticateParams(Params):
     """`token`: one of the rig file's."""
 

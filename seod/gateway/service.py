@@ -12,6 +12,7 @@ from seod.gateway.params import (
     TOPICS,
     AuthenticateParams,
     AxisParams,
+    DriveParams,
     EstopParams,
     Params,
     SetParams,
@@ -70,6 +71,7 @@ class Service:
             "unsubscribe": Method("read", UnsubscribeParams, self._unsubscribe),
             "authenticate": Method("none", AuthenticateParams, self._authenticate),
             "set": Method("command", SetParams, self._set),
+            "drive": Method("command", DriveParams, self._drive),
             "start": Method("command", AxisParams, self._command("start")),
             "stop": Method("command", AxisParams, self._command("stop")),
             "estop": Method("command", EstopParams, self._command("estop")),
@@ -173,8 +175,8 @@ class Service:
 
         return begin
 
-    async def _carry_out(self, op: str, axis: int | None) -> Result:
-        await self._rig.mailbox.post(op, axis)
+    async def _carry_out(self, op: str, axis: int | None, values: dict[str, Any] | None = None) -> Result:
+        await self._rig.mailbox.post(op, axis, values)
         return {"ok": True}
 
     def _reset(self, _: Session, params: AxisParams) -> Awaitable[Result]:
@@ -184,6 +186,11 @@ class Service:
     async def _reset_all(self) -> Result:
         await self._rig.reset()
         return {"ok": True}
+
+    def _drive(self, _: Session, params: DriveParams) -> Awaitable[Result]:
+        axis = self._axis(params.axis)
+        check_drive(axis, params)
+        return self._carry_out("drive", self._index(axis.name), params.model_dump(exclude={"axis"}))
 
     def _set(self, _: Session, params: SetParams) -> Awaitable[Result]:
         axis = self._axis(params.axis)
@@ -197,6 +204,22 @@ class Service:
             await self._rig.mailbox.post("set", self._index(axis.name), for_loop)
         axis.change(values)
         return {"axis": axis.name, "settings": dict(axis.settings)}
+
+
+def check_drive(axis: Axis, params: DriveParams) -> None:
+    """Hold a drive against the axis' limits.
+
+    Raises:
+        RpcError: INVALID_PARAMS; names the parameter and the limit.
+    """
+    limits = axis.config.limits
+    volts, most = abs(params.volts) + abs(axis.settings["bias"]), limits.output
+    if volts > most:
+        what = f"|volts| + |bias| = {volts:g} V is over limits.output = {most:g} V of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"volts: {what}")
+    if params.duration > limits.excitation:
+        what = f"must be at most limits.excitation = {limits.excitation:g} s of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"duration: {what}, got {params.duration:g}")
 
 
 def check_settings(axis: Axis, values: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.base import NO_SAMPLE, Sample
 from seod.config.units import UNITS
-from seod.loop.excite import Controller, PolarityPulse, PositionHold, Relay
+from seod.loop.excite import Controller, Drive, PolarityPulse, PositionHold, Relay
 from seod.loop.guard import AxisGuard, Trip
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, AxisState
 
@@ -62,6 +62,8 @@ class Axis:
         self.polarity_known = not config.polarity.enabled
         self.started = self.entered = self.settled_since = -math.inf
         self.stopping = False
+        self.driven: tuple[float, float] | None = None
+        """Voltage [V] and duration [s] of a drive; None for the relay."""
         self.trip: Trip | None = None
 
     @property
@@ -88,12 +90,22 @@ class Axis:
 
     def inspect(self, t: float) -> Trip | None:
         """The guard's verdict on the newest sample, while the axis may move."""
-        exciting = self.state is AxisState.EXCITING
+        exciting = self.state is AxisState.EXCITING and isinstance(self.controller, Relay)
         at_amplitude = t - self.entered - self.config.excitation.entry > GROWTH_AFTER_S
         return self.guard.inspect(t, self.sample, self.y, exciting, exciting and at_amplitude)
 
-    def start(self, t: float) -> str | None:
-        """Begin; returns why not."""
+    def drive(self, t: float, volts: float, duration: float) -> str | None:
+        """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not."""
+        limits = self.config.limits
+        if not math.isfinite(volts) or abs(volts) + abs(self.bias) > limits.output:
+            return f"{self.name}: |volts| + |bias| must be at most limits.output = {limits.output:g} V"
+        if not 0.0 < duration <= limits.excitation:
+            longest = f"limits.excitation = {limits.excitation:g} s"
+            return f"{self.name}: duration must be > 0 and at most {longest}"
+        return self.start(t, (volts, duration))
+
+    def start(self, t: float, driven: tuple[float, float] | None = None) -> str | None:
+        """Begin with the relay, or with a drive (see `driven`); returns why not."""
         if self.state is AxisState.FAULT:
             return f"{self.name} is in fault: reset first"
         if self.active:
@@ -104,6 +116,7 @@ class Axis:
         self.filtered = self.y
         self.reference = self.y
         self.started, self.stopping, self.trip = t, False, None
+        self.driven = driven
         self._become(AxisState.ARMED, t, "start")
         if self.polarity_known:
             self._excite(t)
@@ -169,7 +182,8 @@ class Axis:
 
     def flags(self, t: float, asked: float, passed: float) -> int:
         """Flags of this tick's row."""
-        exciting = self.state is AxisState.EXCITING and t - self.entered >= self.config.excitation.entry
+        relay = self.state is AxisState.EXCITING and isinstance(self.controller, Relay)
+        exciting = relay and t - self.entered >= self.config.excitation.entry
         return FLAG_EXCITING * exciting + FLAG_FRESH * self.fresh + FLAG_LIMITED * (asked != passed)
 
     def amplitude(self, t: float) -> float:
@@ -221,6 +235,9 @@ class Axis:
                 }
             )
             self.stop(t, "excitation budget used up")
+        elif isinstance(self.controller, Drive):
+            if t >= self.controller.end:
+                self.stop(t, "drive over")
         elif plan.kind == "burst" and t - self.entered >= plan.entry + plan.duration:
             self._return(t, "burst over")
 
@@ -235,6 +252,11 @@ class Axis:
 
     def _excite(self, t: float) -> None:
         entry = self.config.excitation.entry
+        if self.driven is not None:
+            volts, duration = self.driven
+            self.controller = Drive(t + duration, volts, self.bias)
+            self._become(AxisState.EXCITING, t, f"drive: {volts:g} V for {duration:g} s")
+            return
         self.controller = Relay(t, entry, self.e_a, self.hysteresis, self.bias)
         self.entered = t
         self._become(AxisState.EXCITING, t, "relay on")

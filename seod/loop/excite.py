@@ -70,6 +70,25 @@ class PositionHold:
         return max(-self.limit, min(self.limit, self.gain * e)) + self.bias
 
 
+class Drive:
+    """A voltage for a while, whatever the sensor says; the guard still does.
+
+    Args:
+        end: Time at which it is over [s].
+        voltage: Without the bias [V].
+        bias: Added to it [V].
+    """
+
+    def __init__(self, end: float, voltage: float, bias: float) -> None:
+        self.end = end
+        self.voltage = voltage
+        self.bias = bias
+
+    def step(self, t: float, e: float) -> float:  # noqa: ARG002 - a controller's form
+        """The voltage, then the bias alone."""
+        return self.bias + (self.voltage if t < self.end else 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class PolarityResult:
     """What the pulse showed: movement [axis unit] beyond the drift before it, and whether that is right."""

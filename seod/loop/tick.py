@@ -154,6 +154,8 @@ class Loop:
             self.pending = Trip("estop", "e-stop by a client")
         elif op == "start":
             return self.start(t, chosen)
+        elif op == "drive":
+            return self.start(t, chosen, **message["values"])
         elif op == "stop":
             for axis in chosen:
                 axis.stop(t)
@@ -165,15 +167,15 @@ class Loop:
             return f"unknown command {op!r}"
         return None
 
-    def start(self, t: float, chosen: list[Axis]) -> str | None:
-        """Start axes, all or none; returns why not."""
+    def start(self, t: float, chosen: list[Axis], **drive: float) -> str | None:
+        """Start axes, or drive them (`Axis.drive`), all or none; returns why not."""
         estop = self.estop(t)
         if self.trouble or estop is not None:
             return self.trouble or (estop.why if estop else None)
         self.keepalive = t
         started: list[Axis] = []
         for axis in chosen:
-            error = axis.start(t)
+            error = axis.drive(t, **drive) if drive else axis.start(t)
             if error is not None:
                 for other in started:
                     other.stop(t, "another axis could not start")

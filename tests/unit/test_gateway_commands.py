@@ -97,3 +97,24 @@ async def test_before_the_loop_ticks_commands_are_refused():
         run.loop.row()
         await eventually(lambda: run.gateway.rig.mailbox.ticking)
         assert (await client.call("start")) == {"ok": True}
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"volts": -2.1, "duration": 0.1}, "volts: |volts| + |bias| = 2.1 V is over limits.output = 2 V"),
+        ({"volts": 0.1, "duration": 1e9}, "duration: must be at most limits.excitation"),
+        ({"volts": 0.1}, "duration: required"),
+        ({"volts": 0.1, "duration": -1}, "duration: should be greater than 0"),
+    ],
+)
+async def test_a_drive_is_held_against_the_limits(values, told):
+    async with running() as run, peer(run) as client:
+        error = await client.call("drive", **values)
+        assert not run.loop.taken
+        await client.call("drive", volts=0.5, duration=0.2)
+    assert error["code"] == INVALID_PARAMS
+    assert told in error["message"]
+    assert [(c["op"], c["axis"], c["values"]) for c in run.loop.taken] == [
+        ("drive", 0, {"volts": 0.5, "duration": 0.2})
+    ]
