@@ -3,7 +3,7 @@
     python bench/clients.py [--pairs 10] [--seconds 3]
 
 The daemon runs the virtual rig at 2 kHz, excited; in turns with 50 clients (half of which never read) and the
-recorder on, and without both. `--pairs 1 --seconds 600` is the long form. The default takes about two minutes.
+recorder on, and without both. `--pairs 1 --seconds 600` is the long form. The default takes two minutes.
 Percentiles come from the daemon's own histogram, interpolated within its bins (a quarter octave).
 """
 
