@@ -228,6 +228,11 @@ class OverrunConfig(Section):
 class GuardConfig(Section):
     """What stops the rig."""
 
+    fault_policy: Literal["rig", "axis"] = "rig"
+    """What a fault of one axis (travel, speed, sensor, polarity ...) stops: all axes, or that one alone.
+
+    E-stop, link, late ticks, a dead process and the dead man always stop all.
+    """
     stale: Seconds = 0.01
     """Oldest sample that may be acted on."""
     frozen: Seconds = 0.25
@@ -241,6 +246,15 @@ class GuardConfig(Section):
     estop: EstopConfig | None = None
     dead_man: Seconds | None = None
     """A client must call `keepalive` at least this often while a rig is excited."""
+
+
+class OrderConfig(Section):
+    """How `start` without an axis excites the axes of a rig."""
+
+    order: Literal["together", "in_turn"] = "together"
+    """All at once, or one after the other, round and round, while the others hold their position."""
+    turn: Seconds = 2.0
+    """How long each is excited in its turn."""
 
 
 class TlsConfig(Section):
@@ -281,6 +295,7 @@ class RigConfig(Section):
     sensors: dict[Name, SensorConfig] = Field(min_length=1)
     outputs: dict[Name, OutputConfig] = Field(min_length=1)
     axes: dict[Name, AxisConfig] = Field(min_length=1)
+    excitation: OrderConfig = OrderConfig()
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
     simulation: SimulationConfig | None = None

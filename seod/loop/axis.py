@@ -13,6 +13,7 @@ from drivers.base import NO_SAMPLE, Sample
 from seod.config.units import UNITS
 from seod.loop.excite import Controller, Drive, PolarityPulse, PositionHold, Relay
 from seod.loop.guard import AxisGuard, Trip
+from seod.loop.sensor import make_sensor
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, AxisState
 
 if TYPE_CHECKING:
@@ -38,13 +39,12 @@ class Axis:
 
     def __init__(self, name: str, rig: RigConfig, emit: Callable[[dict[str, Any]], None]) -> None:
         config = rig.axes[name]
-        sensor, output = rig.sensors[config.sensor], rig.outputs[config.output]
+        self.sensor = make_sensor(rig.sensors[config.sensor])
+        output = rig.outputs[config.output]
         self.name = name
         self.config: AxisConfig = config
         self.emit = emit
         self.guard = AxisGuard(name, config.limits, rig.guard)
-        factor = UNITS[sensor.unit][1]
-        self.scale, self.offset = sensor.scale * factor, sensor.offset * factor
         self.raw_per_volt, self.raw_neutral = output.scale / UNITS[output.unit][1], output.offset
         self.smoothing = (
             1.0
@@ -62,6 +62,8 @@ class Axis:
         self.polarity_known = not config.polarity.enabled
         self.started = self.entered = self.settled_since = -math.inf
         self.stopping = False
+        self.waiting = False
+        """For its turn, holding the position; see `seod.loop.turns`."""
         self.driven: tuple[float, float] | None = None
         """Voltage [V] and duration [s] of a drive; None for the relay."""
         self.trip: Trip | None = None
@@ -70,6 +72,11 @@ class Axis:
     def active(self) -> bool:
         """The actuator may move."""
         return self.state in ACTIVE
+
+    @property
+    def exciting(self) -> bool:
+        """The relay, or a drive, is on."""
+        return self.state is AxisState.EXCITING
 
     @property
     def error(self) -> float:
@@ -82,7 +89,7 @@ class Axis:
         self.sample = sample
         if not self.fresh:
             return
-        self.y = sample.value * self.scale + self.offset
+        self.y = self.sensor.read(sample.value)
         if math.isfinite(self.filtered):
             self.filtered += self.smoothing * (self.y - self.filtered)
         else:
@@ -104,8 +111,8 @@ class Axis:
             return f"{self.name}: duration must be > 0 and at most {longest}"
         return self.start(t, (volts, duration))
 
-    def start(self, t: float, driven: tuple[float, float] | None = None) -> str | None:
-        """Begin with the relay, or with a drive (see `driven`); returns why not."""
+    def start(self, t: float, driven: tuple[float, float] | None = None, waiting: bool = False) -> str | None:
+        """Begin with the relay, with a drive (see `driven`) or by `waiting` for a turn; returns why not."""
         if self.state is AxisState.FAULT:
             return f"{self.name} is in fault: reset first"
         if self.active:
@@ -116,10 +123,10 @@ class Axis:
         self.filtered = self.y
         self.reference = self.y
         self.started, self.stopping, self.trip = t, False, None
-        self.driven = driven
+        self.driven, self.waiting = driven, waiting
         self._become(AxisState.ARMED, t, "start")
         if self.polarity_known:
-            self._excite(t)
+            self._proceed(t)
         else:
             pulse = self.config.polarity
             self.controller = PolarityPulse(
@@ -132,6 +139,17 @@ class Axis:
         self.stopping = True
         if self.state in (AxisState.ARMED, AxisState.EXCITING):
             self._return(t, why)
+
+    def wait(self, t: float, why: str) -> None:
+        """Turn the relay off and hold the position at start until `go_on`."""
+        self.waiting = True
+        self._return(t, why)
+
+    def go_on(self, t: float) -> None:
+        """Have the turn: the relay on at once, or after the polarity pulse that still goes on."""
+        self.waiting = False
+        if self.state is AxisState.HOLDING:
+            self._excite(t)
 
     def fault(self, t: float, trip: Trip) -> None:
         """Latch. The loop writes neutral in the same tick."""
@@ -219,8 +237,8 @@ class Axis:
                 return
             self.polarity_known = True
             self._begin_hold(t)
-        elif self._hold_is_over(t):
-            self._excite(t)
+        elif self.hold_is_over(t):
+            self._proceed(t)
 
     def _advance_exciting(self, t: float) -> None:
         plan, limits = self.config.excitation, self.config.limits
@@ -243,11 +261,17 @@ class Axis:
 
     def _advance_holding(self, t: float) -> None:
         plan = self.config.excitation
-        over = self._hold_is_over(t)
-        if self.stopping or plan.kind == "continuous":
+        over = self.hold_is_over(t)
+        if self.stopping:
             if over:
                 self._become(AxisState.IDLE, t, "back at the start position")
-        elif over and t - self.entered >= plan.pause:
+        elif over and not self.waiting and t - self.entered >= plan.pause:
+            self._excite(t)
+
+    def _proceed(self, t: float) -> None:
+        if self.waiting:
+            self._return(t, "waiting for its turn")
+        else:
             self._excite(t)
 
     def _excite(self, t: float) -> None:
@@ -274,7 +298,8 @@ class Axis:
         hold = self.config.hold
         return PositionHold(hold.bandwidth / self.config.K_L, hold.output or self.e_a, self.bias)
 
-    def _hold_is_over(self, t: float) -> bool:
+    def hold_is_over(self, t: float) -> bool:
+        """Whether the axis stands where it stood at start, or has tried for long enough."""
         hold = self.config.hold
         if abs(self.error) > (hold.tolerance or 0.1 * self.config.limits.amplitude):
             self.settled_since = math.inf
