@@ -8,65 +8,36 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import Field
 
-from seod.config.errors import suggest
-from seod.config.units import UNITS, parse_quantity, units_of
+from seod.config.section import (
+    FINITE,
+    POSITIVE,
+    Hertz,
+    Name,
+    NonNegativePosition,
+    NonNegativeSeconds,
+    Position,
+    PositivePosition,
+    PositiveSpeed,
+    PositiveVoltage,
+    Scale,
+    Seconds,
+    Section,
+    Slew,
+    Voltage,
+    quantity,
+)
+from seod.config.sensors import SensorConfig
 from sim.config import SimulationConfig
 
 CONFIG_VERSION = 1
 
 
-def _quantity(*dimensions: str) -> Any:
-    pattern = "^ *[-+]?[0-9.]+([eE][-+]?[0-9]+)? *(" + "|".join(units_of(*dimensions)) + ") *$"
-    return (
-        BeforeValidator(lambda value: parse_quantity(value, *dimensions)),
-        WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": pattern}]}),
-    )
-
-
-def _known_unit(unit: str) -> str:
-    if unit not in UNITS:
-        raise ValueError(f"unknown unit {unit!r}; {suggest(unit, filter(None, UNITS), 'units')}")
-    return unit
-
-
-def _not_zero(scale: float) -> float:
-    if scale == 0:
-        raise ValueError("must not be 0: nothing would get through")
-    return scale
-
-
-_FINITE = Field(allow_inf_nan=False)
-_POSITIVE = Field(gt=0, allow_inf_nan=False)
-_NON_NEGATIVE = Field(ge=0, allow_inf_nan=False)
-
-Voltage = Annotated[float, *_quantity("voltage"), _FINITE]
-PositiveVoltage = Annotated[float, *_quantity("voltage"), _POSITIVE]
-Slew = Annotated[float, *_quantity("slew rate"), _POSITIVE]
-Position = Annotated[float, *_quantity("angle", "length"), _FINITE]
-PositivePosition = Annotated[float, *_quantity("angle", "length"), _POSITIVE]
-NonNegativePosition = Annotated[float, *_quantity("angle", "length"), _NON_NEGATIVE]
-PositiveSpeed = Annotated[float, *_quantity("angular speed", "speed"), _POSITIVE]
-Seconds = Annotated[float, *_quantity("time"), Field(gt=0, le=1e6)]
-NonNegativeSeconds = Annotated[float, *_quantity("time"), Field(ge=0, le=1e6)]
-Hertz = Annotated[float, *_quantity("frequency"), _POSITIVE]
-Scale = Annotated[float, _FINITE, AfterValidator(_not_zero)]
-Unit = Annotated[str, AfterValidator(_known_unit), WithJsonSchema({"enum": [unit for unit in UNITS if unit]})]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
-"""What the user calls an axis, a sensor or an output: becomes a word in commands and column headers."""
-
-
-class Section(BaseModel):
-    """A mapping of the rig file: unknown keys are errors, nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
-
-
 class LoopConfig(Section):
     """Timing of the loop."""
 
-    rate_hz: Annotated[float, *_quantity("frequency"), Field(ge=100, le=10_000)] = 2000.0
+    rate_hz: Annotated[float, *quantity("frequency"), Field(ge=100, le=10_000)] = 2000.0
     """Ticks per second."""
     pace: Literal["timer", "sensor"] = "timer"
     """`timer`: a tick each period. `sensor`: a tick at each sample of the first axis' sensor."""
@@ -78,19 +49,6 @@ class LoopConfig(Section):
     """The supervisor writes neutral and fences the loop when no tick came for this long."""
 
 
-class SensorConfig(Section):
-    """A channel made into a physical quantity: value = (raw * scale + offset) in `unit`."""
-
-    channel: str
-    """Input channel of the driver."""
-    unit: Unit
-    """Unit of the scaled value; converted to SI inside."""
-    scale: Scale = 1.0
-    """`unit` per unit of the channel."""
-    offset: Annotated[float, _FINITE] = 0.0
-    """In `unit`."""
-
-
 class OutputConfig(Section):
     """A command voltage made into a channel's number: raw = V * scale + offset."""
 
@@ -100,7 +58,7 @@ class OutputConfig(Section):
     """Unit in which `scale` takes the voltage."""
     scale: Scale = 1.0
     """Channel's number per `unit`; negative for an actuator wired the other way round."""
-    offset: Annotated[float, _FINITE] = 0.0
+    offset: Annotated[float, FINITE] = 0.0
     """Channel's number at 0 V."""
 
 
@@ -131,7 +89,7 @@ class ExcitationConfig(Section):
 class HoldConfig(Section):
     """The position hold that brings the actuator back to where it stood at start."""
 
-    bandwidth: Annotated[float, *_quantity("angular speed"), _POSITIVE] = 5.0
+    bandwidth: Annotated[float, *quantity("angular speed"), POSITIVE] = 5.0
     """K_L times the proportional gain [rad/s]."""
     output: PositiveVoltage | None = None
     """Limit of its output; e_a where left out."""
@@ -195,7 +153,7 @@ class AxisConfig(Section):
     """Name of its position sensor under `sensors`."""
     output: str
     """Name of its output under `outputs`."""
-    K_L: Annotated[float, _POSITIVE]
+    K_L: Annotated[float, POSITIVE]
     """Gain [SI unit of the sensor per second and volt]."""
     relay: RelayConfig
     limits: LimitsConfig
@@ -212,7 +170,7 @@ class EstopConfig(Section):
 
     channel: str
     """Input channel of the driver."""
-    run: Annotated[float, _FINITE] = 1.0
+    run: Annotated[float, FINITE] = 1.0
     """Value that allows movement; any other value, or silence, is an e-stop."""
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.config.errors import suggest
-from seod.config.model import LoopConfig, OutputConfig, SensorConfig
+from seod.config.model import LoopConfig, OutputConfig
+from seod.config.sensors import ScaledConfig
 from seod.config.units import UNITS, dimension_of, units_of
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def _channels(draft: Draft) -> Iterator[ConfigError]:
     """Every channel that is named exists and goes the right way."""
     for sensor in draft.names("sensors"):
         yield from _channel(draft, ("sensors", sensor, "channel"), "input")
+        yield from _channel(draft, ("sensors", sensor, "index", "channel"), "input")
     for output in draft.names("outputs"):
         yield from _channel(draft, ("outputs", output, "channel"), "output")
     yield from _channel(draft, ("guard", "estop", "channel"), "input")
@@ -74,13 +76,16 @@ def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigErro
 
 def _channel_units(draft: Draft) -> Iterator[ConfigError]:
     for name in draft.names("sensors"):
-        yield from _channel_unit(draft, ("sensors", name), draft.section(SensorConfig, "sensors", name))
+        sensor = draft.sensor(name)
+        yield from _channel_unit(
+            draft, ("sensors", name), sensor if isinstance(sensor, ScaledConfig) else None
+        )
     for name in draft.names("outputs"):
         yield from _channel_unit(draft, ("outputs", name), draft.section(OutputConfig, "outputs", name))
 
 
 def _channel_unit(
-    draft: Draft, path: KeyPath, config: SensorConfig | OutputConfig | None
+    draft: Draft, path: KeyPath, config: ScaledConfig | OutputConfig | None
 ) -> Iterator[ConfigError]:
     """With scale 1 nothing is converted: the unit must be the channel's, where that is known."""
     channel = (draft.channels or {}).get(config.channel) if config else None
@@ -94,6 +99,9 @@ def _channel_unit(
 
 def sensor_dimension(draft: Draft, axis: str) -> str | None:
     """Dimension of an axis' sensor; None if it has no valid one."""
+    sensor = draft.sensor(draft.text("axes", axis, "sensor"))
+    if sensor is not None:
+        return sensor.dimension
     unit = draft.text("sensors", draft.text("axes", axis, "sensor") or "", "unit")
     return UNITS[unit][0] if unit in UNITS else None
 
