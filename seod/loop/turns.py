@@ -1,7 +1,7 @@
 """The order of excitation: who has the turn when the axes of a rig are excited one after the other.
 
-The axis whose turn it is has its relay on; the others hold the position they stood at. A turn ends with the way
-back to that position, and only then does the next one begin, so that no two axes ask for oil at once.
+The axis whose turn it is has its relay on; the others hold the position they stood at. A turn ends with the
+way back to that position, and only then does the next one begin: no two axes ask for oil at once.
 """
 
 from __future__ import annotations
