@@ -289,9 +289,9 @@ def estop(client: Client) -> None:
 
 
 @client_command
-def reset(client: Client) -> None:
-    """Leave the fault; starts a new loop where it has died."""
-    client.reset()
+def reset(client: Client, axis: Axis = None) -> None:
+    """Leave the fault, of an axis or of all; starts a new loop where it has died."""
+    client.reset(axis)
 
 
 def main() -> None:

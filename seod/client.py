@@ -232,9 +232,9 @@ class Client:
         """Neutral at once; needs a reset afterwards."""
         return self.call("estop")
 
-    def reset(self) -> Message:
-        """Leave the fault; starts a new loop where it has died."""
-        return self.call("reset")
+    def reset(self, axis: str | None = None) -> Message:
+        """Leave the fault, of an axis or of all; starts a new loop where it has died."""
+        return self.call("reset", axis=axis)
 
     def keepalive(self) -> Message:
         """Tell a rig with `guard.dead_man` that somebody is still there."""

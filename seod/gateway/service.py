@@ -180,11 +180,10 @@ class Service:
         return {"ok": True}
 
     def _reset(self, _: Session, params: AxisParams) -> Awaitable[Result]:
-        self._index(params.axis)  # the loop resets all axes at once, but a wrong name is still a mistake
-        return self._reset_all()
+        return self._leave_fault(self._index(params.axis))
 
-    async def _reset_all(self) -> Result:
-        await self._rig.reset()
+    async def _leave_fault(self, axis: int | None) -> Result:
+        await self._rig.reset(axis)
         return {"ok": True}
 
     def _drive(self, _: Session, params: DriveParams) -> Awaitable[Result]:

@@ -38,8 +38,10 @@ async def test_commands_reach_the_rig():
         assert (await on(run, "stop"))[0] == 0
         assert (await on(run, "estop"))[0] == 0
         assert (await on(run, "reset"))[0] == 0
+        assert (await on(run, "reset", "roll"))[0] == 0
         told = [(command["op"], command["axis"]) for command in run.loop.taken]
-        assert told == [("set", 1), ("start", 1), ("stop", None), ("estop", None), ("reset", None)]
+        assert told[:4] == [("set", 1), ("start", 1), ("stop", None), ("estop", None)]
+        assert told[4:] == [("reset", None), ("reset", 1)]
 
 
 async def test_answers_for_people_and_for_programs():

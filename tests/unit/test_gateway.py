@@ -187,6 +187,22 @@ async def test_a_lost_state_event_is_made_up_for_by_the_rows():
         assert (await client.call("get"))["fault"]["why"] == "the reason was lost"
 
 
+async def test_a_fault_that_one_axis_latched_leaves_the_others_alone():
+    async with running(("pitch", "roll")) as run, peer(run) as client:
+        await client.call("subscribe", topics=["event"])
+        for axis in run.loop.axes:
+            run.loop.become(AxisState.EXCITING, axis)
+        run.loop.event("fault", axis="roll", latched=["roll"], code="travel", why="roll: too far", numbers={})
+        run.loop.become(AxisState.FAULT, "roll")
+        await client.until("event", state="fault")
+        pitch, roll = [await client.call("get", axis=axis) for axis in run.loop.axes]
+        assert (pitch["state"], pitch["fault"]) == ("exciting", None)
+        assert (roll["state"], roll["fault"]["why"]) == ("fault", "roll: too far")
+        assert (await client.call("info"))["state"] == "fault"
+        await client.call("reset", axis="roll")
+        assert [(c["op"], c["axis"]) for c in run.loop.taken] == [("reset", 1)]
+
+
 async def test_a_row_written_before_the_fault_does_not_take_it_back():
     async with running() as run:
         axis = run.gateway.rig.axes["motor"]
