@@ -157,6 +157,7 @@ def phases(seconds: float) -> dict[str, float]:
         ("read", loop.driver, "read"),
         ("obey", loop, "obey"),
         ("inspect", loop, "inspect"),
+        ("inspect", loop, "inspect_commands"),
         ("write", loop, "write"),
         ("log", loop.log, "flush"),
         ("log", loop.log, "keep"),

@@ -53,6 +53,7 @@ def lateness(place: plt.Axes, sums: dict[str, Latencies]) -> None:
 def phases(place: plt.Axes, medians: dict[str, float]) -> None:
     bars = place.bar(list(medians), list(medians.values()), color=OURS)
     place.bar_label(bars, fmt="%.1f")
+    place.margins(y=0.12)
     place.set(ylabel="median [us]", title=f"Where a tick of one axis goes: {sum(medians.values()):.1f} us")
 
 
@@ -64,7 +65,7 @@ def axes(place: plt.Axes, found: dict[int, list[float]]) -> None:
         place.plot([count] * len(values), values, ".", color=THIRD, label="a round" if count == 1 else None)
     place.plot(counts, medians, "o", color=OURS, label="median")
     place.plot(
-        counts, np.polyval([slope, offset], counts), color=OURS, label=f"{offset:.1f} + {slope:.1f} n us"
+        counts, np.polyval([slope, offset], counts), color=OURS, label=f"{offset:.1f} + {slope:.1f} x axes"
     )
     place.plot(1, 20, "_", color=THEIRS, markersize=18, markeredgewidth=2, label="goal, one axis")
     place.set(xlabel="axes", ylabel="tick, all but waiting [us]", title="What a tick costs", ylim=(0, None))
