@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 from seod.config.units import UNITS
@@ -50,9 +51,8 @@ class Crank:
     @property
     def bounds(self) -> tuple[float, float]:
         """Smallest and largest stroke of the triangle [m]."""
-        return math.sqrt(self.squares - self.product) - self.rod, math.sqrt(
-            self.squares + self.product
-        ) - self.rod
+        shortest, longest = self.squares - self.product, self.squares + self.product
+        return math.sqrt(shortest) - self.rod, math.sqrt(longest) - self.rod
 
     def angle(self, stroke: float) -> float:
         """Angle [rad] at a stroke [m]."""
@@ -117,11 +117,11 @@ def monotone_slopes(x: Sequence[float], y: Sequence[float]) -> list[float]:
     Inside the weighted harmonic mean of the neighbouring slopes (Fritsch and Butland 1984), at the ends the
     slope of the first and last piece, which is never above the three times it that monotony allows.
     """
-    steps = [b - a for a, b in zip(x, x[1:], strict=False)]
-    rises = [(b - a) / h for a, b, h in zip(y, y[1:], steps, strict=False)]
+    steps = [b - a for a, b in pairwise(x)]
+    rises = [(b - a) / h for (a, b), h in zip(pairwise(y), steps, strict=True)]
     inner = [
         3.0 * (h + g) / ((2.0 * g + h) / r + (g + 2.0 * h) / s)
-        for h, g, r, s in zip(steps, steps[1:], rises, rises[1:], strict=False)
+        for (h, g), (r, s) in zip(pairwise(steps), pairwise(rises), strict=True)
     ]
     return [rises[0], *inner, rises[-1]]
 

@@ -72,6 +72,8 @@ FLAG_FRESH = 2
 """A new sample arrived for this tick."""
 FLAG_LIMITED = 4
 """The guard clipped the command."""
+FLAG_SATURATED = 8
+"""The sample lies where its sensor clips."""
 
 
 def bin_edges_us() -> list[float]:

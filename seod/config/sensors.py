@@ -260,6 +260,13 @@ SensorConfig = Annotated[
 ]
 """A channel made into a physical quantity."""
 
+
+def index_channel(sensor: SensorConfig) -> str | None:
+    """The channel of an encoder's index mark; None where there is none."""
+    found = sensor.index if isinstance(sensor, IncrementalEncoderConfig) else None
+    return found.channel if found else None
+
+
 _ADAPTER: TypeAdapter[SensorConfig] = TypeAdapter(SensorConfig)
 
 

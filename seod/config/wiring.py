@@ -77,9 +77,8 @@ def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigErro
 def _channel_units(draft: Draft) -> Iterator[ConfigError]:
     for name in draft.names("sensors"):
         sensor = draft.sensor(name)
-        yield from _channel_unit(
-            draft, ("sensors", name), sensor if isinstance(sensor, ScaledConfig) else None
-        )
+        if isinstance(sensor, ScaledConfig):
+            yield from _channel_unit(draft, ("sensors", name), sensor)
     for name in draft.names("outputs"):
         yield from _channel_unit(draft, ("outputs", name), draft.section(OutputConfig, "outputs", name))
 

@@ -14,7 +14,7 @@ from seod.config.units import UNITS
 from seod.loop.excite import Controller, Drive, PolarityPulse, PositionHold, Relay
 from seod.loop.guard import AxisGuard, Trip
 from seod.loop.sensor import make_sensor
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, AxisState
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, FLAG_SATURATED, AxisState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,6 +45,7 @@ class Axis:
         self.config: AxisConfig = config
         self.emit = emit
         self.guard = AxisGuard(name, config.limits, rig.guard)
+        self.guard.sensor = self.sensor
         self.raw_per_volt, self.raw_neutral = output.scale / UNITS[output.unit][1], output.offset
         self.smoothing = (
             1.0
@@ -202,7 +203,12 @@ class Axis:
         """Flags of this tick's row."""
         relay = self.state is AxisState.EXCITING and isinstance(self.controller, Relay)
         exciting = relay and t - self.entered >= self.config.excitation.entry
-        return FLAG_EXCITING * exciting + FLAG_FRESH * self.fresh + FLAG_LIMITED * (asked != passed)
+        return (
+            FLAG_EXCITING * exciting
+            + FLAG_FRESH * self.fresh
+            + FLAG_LIMITED * (asked != passed)
+            + FLAG_SATURATED * self.sensor.saturated
+        )
 
     def amplitude(self, t: float) -> float:
         """Relay amplitude in force at `t` [V]; 0 while it is off."""

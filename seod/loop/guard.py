@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from drivers.base import Sample
     from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+    from seod.loop.sensor import Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +99,16 @@ class AxisGuard:
         self.guard = guard
         self.speed = SpeedMeter(self.SPEED_WINDOW_S)
         self.swing: SwingMeter | None = None
+        self.sensor: Sensor | None = None
+        """What the axis measures with, where it can be in trouble."""
         self.moved_at = -math.inf
         self.last_y = math.nan
         self.last_u = 0.0
         self.last_t = -math.inf
 
     def ready(self, t: float, sample: Sample, y: float) -> Trip | None:
-        """Why this axis could not be moved now: silent or non-finite sensor, outside its travel."""
-        return self._stale(t, sample) or self._finite(y) or self._travel(y)
+        """Why this axis could not be moved now: silent, unsound or non-finite sensor, outside its travel."""
+        return self._stale(t, sample) or self._unsound() or self._finite(y) or self._travel(y)
 
     def inspect(self, t: float, sample: Sample, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
         """Judge the newest sample of a moving axis.
@@ -149,6 +152,11 @@ class AxisGuard:
             f"{self.guard.stale * 1e3:.1f} ms",
             {"age_s": age if math.isfinite(age) else -1.0, "limit_s": self.guard.stale},
         )
+
+    def _unsound(self) -> Trip | None:
+        if self.sensor is None or not self.sensor.trouble:
+            return None
+        return Trip("sensor_range", f"{self.name}: {self.sensor.trouble}")
 
     def _finite(self, y: float) -> Trip | None:
         if math.isfinite(y):

@@ -50,7 +50,8 @@ class Sensor(ABC):
         """The value in SI of a number within the range; may set `trouble`."""
 
     def mark(self, level: float) -> None:
-        """The index channel reads `level`, at the time of the next `read`; for encoders that have one."""
+        """The index channel reads `level`, at the time of the next `read`; only some encoders have one."""
+        raise TypeError(f"{type(self).__name__} has no index (level {level:g})")
 
     def _unsound(self, raw: float) -> float:
         if not math.isnan(raw):  # else the guard's word is non_finite
@@ -154,15 +155,17 @@ class IncrementalEncoder(Encoder):
         value = super().convert(raw)
         if self.homed:
             return value
-        if self.rose and not self.trouble:
+        rose, self.rose = self.rose, False
+        if rose and not self.trouble:
             self.count, self.homed = 0, True
             return self.offset
         self.trouble = self.trouble or "the index mark has not passed yet: move the actuator over it"
         return value
 
     def mark(self, level: float) -> None:
-        """The index channel leaves 0: its mark is here."""
-        self.rose = self.level == 0.0 and level != 0.0 and not math.isnan(level)
+        """The index channel reads `level`: where it leaves 0 the mark is here."""
+        if self.level == 0.0 and level != 0.0 and not math.isnan(level):
+            self.rose = True
         self.level = level
 
     def lost(self, step: int) -> None:

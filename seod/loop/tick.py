@@ -9,6 +9,7 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
+from seod.config.sensors import index_channel
 from seod.loop import guard
 from seod.loop.axis import Axis
 from seod.loop.guard import Trip
@@ -60,6 +61,11 @@ class Loop:
         self.axes = [Axis(name, config, shared.events.put) for name in config.axes]
         channels = input_channels(config)
         self.sensor_of = [channels.index(config.sensors[a.config.sensor].channel) for a in self.axes]
+        self.marks = [
+            (axis.sensor, channels.index(channel))
+            for axis in self.axes
+            if (channel := index_channel(config.sensors[axis.config.sensor])) is not None
+        ]
         estop = config.guard.estop
         self.estop_index = None if estop is None else channels.index(estop.channel)
         self.overruns = guard.OverrunGuard(config.guard.overruns.count, config.guard.overruns.window)
@@ -94,6 +100,8 @@ class Loop:
         """Read, sense, obey, guard, command, guard, write, log: at time `t` [s]."""
         self.samples = self.driver.read(t)
         self.log.flush(self.driver.left())
+        for sensor, index in self.marks:
+            sensor.mark(self.samples[index].value)
         for axis, index in zip(self.axes, self.sensor_of, strict=True):
             axis.sense(self.samples[index])
         self.obey(t)
@@ -263,6 +271,8 @@ class Loop:
 def input_channels(config: RigConfig) -> list[str]:
     """Channels that the loop reads: each axis' sensor, then the e-stop line."""
     channels = [config.sensors[axis.sensor].channel for axis in config.axes.values()]
+    marks = [index_channel(config.sensors[axis.sensor]) for axis in config.axes.values()]
+    channels += [channel for channel in marks if channel is not None]
     if config.guard.estop is not None:
         channels.append(config.guard.estop.channel)
     return list(dict.fromkeys(channels))
