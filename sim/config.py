@@ -7,9 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from sim.sensor_config import AnySensor, Finite, IncrementalEncoderTruth, NonNegative, Positive
 
 
 class PlantConfig(BaseModel):
@@ -39,6 +37,15 @@ class PlantConfig(BaseModel):
     """The amplifier clips the command to +- this [V]."""
     stops: Annotated[tuple[Finite, Finite], Field(strict=False)] | None = None
     """End stops [output unit]: the load stands still there."""
+    sensor: AnySensor | None = None
+    """What measures it; then the `output unit` is rad or m (for noise and resolution of a speed, per s)."""
+
+    @property
+    def index_channel(self) -> str | None:
+        """Channel of its encoder's index mark."""
+        sensor = self.sensor
+        mark = sensor.index if isinstance(sensor, IncrementalEncoderTruth) else None
+        return mark.channel if mark else None
 
     @model_validator(mode="after")
     def _starts_between_stops(self) -> PlantConfig:
@@ -63,10 +70,16 @@ class SimulationConfig(BaseModel):
     control_port: Annotated[int, Field(ge=0, le=65535)] = 7601
     """TCP port on loopback where `seod rig` takes faults and tells its true values."""
 
+    @property
+    def index_channels(self) -> list[str]:
+        """Channels of index marks."""
+        return [plant.index_channel for plant in self.plants.values() if plant.index_channel is not None]
+
     @model_validator(mode="after")
     def _one_source_for_each_channel(self) -> SimulationConfig:
         plants = self.plants.values()
-        for used in ([p.input for p in plants], [*(p.output for p in plants), *self.constants]):
+        read = [*(p.output for p in plants), *self.constants, *self.index_channels]
+        for used in ([p.input for p in plants], read):
             twice = sorted(channel for channel, count in Counter(used).items() if count > 1)
             if twice:
                 raise ValueError(

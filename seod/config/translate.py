@@ -45,6 +45,7 @@ _WORDING = {
     "tuple_type": "must be a list",
     "dict_type": "must be a mapping of keys to values",
     "model_type": "must be a mapping of keys to values",
+    "union_tag_not_found": "must name a kind",
     "model_attributes_type": "must be a mapping of keys to values",
 }
 """Pydantic's error type -> what would be right, with pydantic's names for the numbers."""
@@ -63,6 +64,8 @@ def translate(error: ValidationError, model: type[BaseModel], raw: Any) -> Itera
     """
     for detail in error.errors(include_url=False):
         path = _real_path(detail["loc"], raw, detail["type"])
+        if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            path = (*path, "kind")
         yield path, *_wording(detail, path, model, raw)
 
 
@@ -73,6 +76,10 @@ def _wording(detail: ErrorDetails, path: KeyPath, model: type[BaseModel], raw: A
         return "unknown key", suggest(str(path[-1]), known, "keys here") if known else ""
     if kind == "missing" and isinstance(detail["loc"][-1], str):
         return "missing", _described(model, path)
+    if kind == "union_tag_invalid":
+        kinds = [tag.strip().strip("'") for tag in detail["ctx"]["expected_tags"].split(",")]
+        written = at(raw, path)
+        return f"must name a kind, got {show(written)}", suggest(str(written), kinds, "kinds")
     if "[key]" in detail["loc"]:
         return "cannot be used as a name", "letters, digits, _ and -, starting with a letter, at most 32"
     message = _message(detail)

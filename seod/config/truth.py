@@ -24,7 +24,7 @@ def truth(config: RigConfig) -> dict[str, dict[str, float]]:
         if plant is None:
             continue
         per_volt = output.scale / UNITS[output.unit][1]
-        K_L = plant.K_L * per_volt * _si_per_plant_unit(sensor, is_si=False)
+        K_L = plant.K_L * per_volt * _si_per_plant_unit(sensor, plant.sensor is not None)
         answer[name] = {"K_L": K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
     return answer
 

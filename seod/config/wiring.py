@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 POSITIONS = ("angle", "length")
 RATES = {"angle": "angular speed", "length": "speed"}
 
+LINEAR_KINDS = ("linear", "linear_scale", "fv_converter")
+"""Kinds that can stand for each other: a scale and an offset, but for a linkage."""
+
 POSITION_KEYS: tuple[KeyPath, ...] = (
     ("relay", "hysteresis"),
     ("limits", "travel", 0),
@@ -37,6 +40,7 @@ def check_wiring(draft: Draft) -> Iterator[ConfigError]:
         yield from _references(draft, axis)
         yield from _dimensions(draft, axis)
         yield from _plant(draft, axis)
+        yield from _simulated_kind(draft, axis)
     yield from _shared_outputs(draft)
     yield from _simulated_channels(draft)
     yield from _pace(draft)
@@ -157,6 +161,21 @@ def _plant(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.error(("axes", axis, "sensor"), message, f"a sensor with `channel: {moved[driven]}`")
 
 
+def _simulated_kind(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """The simulated sensor is of the kind that the rig file believes in."""
+    name = draft.text("axes", axis, "sensor")
+    sensor = draft.sensor(name)
+    plants = draft.simulation.plants if draft.simulation else {}
+    for plant_name, plant in plants.items():
+        if sensor is None or plant.output != sensor.channel:
+            continue
+        kind = plant.sensor.kind if plant.sensor else "linear"
+        if kind != sensor.kind and not (kind in LINEAR_KINDS and sensor.kind in LINEAR_KINDS):
+            message = f"is {sensor.kind}, but the sensor of the simulated plant {plant_name!r} is {kind}"
+            right = f"`sensor: {{kind: {sensor.kind}, ...}}` in simulation.plants.{plant_name}"
+            yield draft.error(("sensors", name or "", "kind"), message, right)
+
+
 def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     """The simulated rig sits at the other end of channels that the driver has."""
     simulation = draft.simulation
@@ -165,6 +184,7 @@ def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     for name in simulation.plants:
         yield from _channel(draft, ("simulation", "plants", name, "input"), "output")
         yield from _channel(draft, ("simulation", "plants", name, "output"), "input")
+        yield from _channel(draft, ("simulation", "plants", name, "sensor", "index", "channel"), "input")
     inputs = [c.name for c in (draft.channels or {}).values() if c.direction == "input"]
     for name in simulation.constants:
         if draft.channels is not None and name not in inputs:
