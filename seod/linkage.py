@@ -56,7 +56,7 @@ class Crank:
 
     def angle(self, stroke: float) -> float:
         """Angle [rad] at a stroke [m]."""
-        length = self.rod + stroke
+        length = max(0.0, self.rod + stroke)
         cosine = (self.squares - length * length) / self.product
         return self.sign * (math.acos(max(-1.0, min(1.0, cosine))) - self.at_zero)
 
