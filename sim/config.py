@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -18,7 +18,9 @@ class PlantConfig(BaseModel):
     input: str
     """Channel of the command voltage."""
     output: str
-    """Channel of the measured position."""
+    """Channel of what is measured."""
+    measures: Literal["position", "velocity"] = "position"
+    """What the channel carries where there is no `sensor`; `output unit` is that of the position."""
     K_L: Positive
     """Gain [(output unit)/s/V]."""
     omega_n: Positive
@@ -30,7 +32,7 @@ class PlantConfig(BaseModel):
     position: Finite = 0.0
     """Position at start [output unit]."""
     noise: NonNegative = 0.0
-    """Standard deviation of the sensor's white noise [output unit]."""
+    """Standard deviation of the sensor's white noise [output unit, for a speed per s]."""
     resolution: NonNegative = 0.0
     """Quantisation step of the sensor [output unit]; 0 for none."""
     saturation: Positive | None = None
@@ -52,6 +54,11 @@ class PlantConfig(BaseModel):
         if self.stops is not None and not self.stops[0] <= self.position <= self.stops[1]:
             raise ValueError(f"position {self.position:g} must lie between the stops {list(self.stops)}")
         return self
+
+    @property
+    def measures_speed(self) -> bool:
+        """Whether its channel carries a speed."""
+        return self.measures == "velocity" or (self.sensor is not None and self.sensor.kind == "fv_converter")
 
 
 class SimulationConfig(BaseModel):

@@ -49,7 +49,7 @@ class Actuator:
         self.watchdog_s = watchdog_s
         self.plant = LinearPlant(config.K_L, config.omega_n, config.zeta, position=config.position)
         self.sensor = Sensor(config.noise, config.resolution, random)
-        self.kind = make_sensor(config.sensor)
+        self.kind = make_sensor(config.sensor, config.measures == "velocity")
         self._adopt(config)
         self.t = t
         self.voltage = NEUTRAL
@@ -125,7 +125,7 @@ class Actuator:
         Raises:
             ValueError: An unknown parameter or an impossible value; it is named.
         """
-        fixed = {"input", "output", "sensor"} & set(values)
+        fixed = {"input", "output", "sensor", "measures"} & set(values)
         if fixed:
             raise ValueError(f"{', '.join(sorted(fixed))} cannot change while the rig runs")
         config = PlantConfig.model_validate_json(json.dumps({**self.config.model_dump(), **values}))

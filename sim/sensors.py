@@ -54,6 +54,14 @@ class Perfect:
         return 0.0
 
 
+class PerfectSpeed(Perfect):
+    """The channel carries the speed itself."""
+
+    def sense(self, t: float, position: float, velocity: float) -> float:  # noqa: ARG002 - a sensor's form
+        """The speed."""
+        return velocity
+
+
 class Kind(Perfect, ABC):
     """One kind, with its lag."""
 
@@ -175,10 +183,10 @@ def table_stroke(table: TableTruth, angle: float) -> float:
     return table.stroke[k] + part * (table.stroke[k + 1] - table.stroke[k])
 
 
-def make_sensor(config: AnySensor | None) -> Perfect:
-    """The sensor of a plant's section."""
+def make_sensor(config: AnySensor | None, speed: bool = False) -> Perfect:
+    """The sensor of a plant's section; where it has none, of its position, or of its `speed`."""
     if config is None:
-        return Perfect()
+        return PerfectSpeed() if speed else Perfect()
     if isinstance(config, LinearTruth):
         return LinearSensor(config)
     if isinstance(config, IncrementalEncoderTruth):

@@ -10,14 +10,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from seod.config.gain import Gain
 from seod.config.section import (
     FINITE,
     POSITIVE,
     Hertz,
+    Measured,
     Name,
     NonNegativePosition,
     NonNegativeSeconds,
-    Position,
+    PositiveAcceleration,
+    PositiveMeasured,
     PositivePosition,
     PositiveSpeed,
     PositiveVoltage,
@@ -25,6 +28,7 @@ from seod.config.section import (
     Seconds,
     Section,
     Slew,
+    Speed,
     Voltage,
     quantity,
 )
@@ -63,7 +67,7 @@ class OutputConfig(Section):
 
 
 class RelayConfig(Section):
-    """The relay of Fig. 2."""
+    """The relay of Fig. 2, or of Fig. 6b."""
 
     e_a: PositiveVoltage
     """Amplitude of the relay."""
@@ -87,14 +91,17 @@ class ExcitationConfig(Section):
 
 
 class HoldConfig(Section):
-    """The position hold that brings the actuator back to where it stood at start."""
+    """The hold that brings the actuator back to where it stood at start; in velocity mode, to its speed."""
 
     bandwidth: Annotated[float, *quantity("angular speed"), POSITIVE] = 5.0
     """K_L times the proportional gain [rad/s]."""
     output: PositiveVoltage | None = None
     """Limit of its output; e_a where left out."""
-    tolerance: PositivePosition | None = None
-    """Within this of the start the hold ends; where left out, a tenth of limits.amplitude."""
+    tolerance: PositiveMeasured | None = None
+    """Within this of the start the hold ends; where left out, a tenth of limits.amplitude.
+
+    In velocity mode within this of the wanted speed; where left out, half of K_L e_a.
+    """
     timeout: Seconds = 3.0
     """The hold ends after this, wherever it is."""
 
@@ -108,8 +115,8 @@ class PolarityConfig(Section):
     """Height; e_a where left out."""
     duration: Seconds = 0.05
     """Longest pulse; it ends early once the movement is seen."""
-    movement: PositivePosition
-    """Movement that counts as seen; must be well above the sensor's noise."""
+    movement: PositiveMeasured
+    """Movement (in velocity mode: speed) that counts as seen; must be well above the sensor's noise."""
 
 
 class LimitsConfig(Section):
@@ -119,12 +126,15 @@ class LimitsConfig(Section):
     """Largest voltage, either way."""
     slew: Slew | None = None
     """Fastest change of the voltage."""
-    travel: tuple[Position, Position]
-    """Lowest and highest position."""
-    speed: PositiveSpeed
-    """Highest speed, either way."""
+    travel: tuple[Measured, Measured]
+    """Lowest and highest position; in velocity mode, lowest and highest speed."""
+    speed: PositiveSpeed | None = None
+    """Highest speed, either way; in velocity mode `travel` tells it."""
     amplitude: PositivePosition
-    """Half the peak-to-peak movement within one second of excitation."""
+    """Half the peak-to-peak movement within one second of excitation.
+
+    In velocity mode that of the relay's input, the integral of the speed's error.
+    """
     growth: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.0
     """Largest growth of the limit cycle within one second, once it stands at its amplitude."""
     excitation: Seconds
@@ -147,14 +157,24 @@ class EstimatorConfig(Section):
 class AxisConfig(Section):
     """One actuator with its sensor, output, relay, estimator and limits."""
 
-    mode: Literal["position"] = "position"
-    """What the relay controls (Fig. 2)."""
+    mode: Literal["position", "velocity"] = "position"
+    """What the relay controls: the position (Fig. 2), or a speed (Fig. 6b)."""
     sensor: str
-    """Name of its position sensor under `sensors`."""
+    """Name of its sensor under `sensors`: of position, or in velocity mode of speed."""
     output: str
     """Name of its output under `outputs`."""
-    K_L: Annotated[float, POSITIVE]
-    """Gain [SI unit of the sensor per second and volt]."""
+    K_L: Gain
+    """Gain [SI unit of the position per second and volt]: a number, or a function of supply pressure."""
+    supply_pressure: str | None = None
+    """Name of a sensor of pressure under `sensors`."""
+    temperature: str | None = None
+    """Name of a sensor of the oil's temperature under `sensors`; recorded beside the estimates."""
+    reference: Speed | None = None
+    """Velocity mode: the speed about which it oscillates."""
+    ramp: PositiveAcceleration | None = None
+    """Velocity mode: how fast the speed is changed; where left out, 2 e_a K_L per second."""
+    trim: bool = True
+    """Velocity mode: correct the bias behind the relay until both halves of a cycle are equally long."""
     relay: RelayConfig
     limits: LimitsConfig
     polarity: PolarityConfig

@@ -22,6 +22,7 @@ from seod.gateway.params import (
 )
 from seod.protocol import BUSY, INVALID_PARAMS, UNAUTHORISED, Refusal, Request, RpcError, hint, unknown_method
 from seod.ring import bin_edges_us
+from seod.settings import refusal
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -229,15 +230,10 @@ def check_settings(axis: Axis, values: dict[str, Any]) -> None:
     """
     if not values:
         raise RpcError(INVALID_PARAMS, f"give at least one of {', '.join(axis.settings)}")
-    limits = axis.config.limits
-    new = axis.settings | values
-    volts = new["e_a"] + abs(new["bias"])
-    if volts > limits.output:
-        what = f"e_a + |bias| = {volts:g} V is over limits.output = {limits.output:g} V of axis {axis.name}"
-        raise RpcError(INVALID_PARAMS, f"{'e_a' if 'e_a' in values else 'bias'}: {what}")
-    if new["hysteresis"] >= limits.amplitude:
-        what = f"must be below limits.amplitude = {limits.amplitude:g} of axis {axis.name}"
-        raise RpcError(INVALID_PARAMS, f"hysteresis: {what}, got {new['hysteresis']:g}")
-    if new["method"] not in TABLE:
-        given = new["method"][:40]
+    now = {key: value for key, value in axis.settings.items() if key in LOOP_SETTINGS and value is not None}
+    why = refusal(axis.config, now, {key: values[key] for key in LOOP_SETTINGS if key in values})
+    if why is not None:
+        raise RpcError(INVALID_PARAMS, f"{why} of axis {axis.name}")
+    given = values.get("method", axis.settings["method"])[:40]
+    if given not in TABLE:
         raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, TABLE)}")

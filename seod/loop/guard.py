@@ -89,12 +89,16 @@ class AxisGuard:
         name: The axis, for messages.
         limits: Its limits, in SI units.
         guard: The rig's guard settings.
+        quantity: What the sensor measures, for messages.
     """
 
     SPEED_WINDOW_S = 5e-3
 
-    def __init__(self, name: str, limits: LimitsConfig, guard: GuardConfig) -> None:
+    def __init__(
+        self, name: str, limits: LimitsConfig, guard: GuardConfig, quantity: str = "position"
+    ) -> None:
         self.name = name
+        self.quantity = quantity
         self.limits = limits
         self.guard = guard
         self.speed = SpeedMeter(self.SPEED_WINDOW_S)
@@ -110,20 +114,23 @@ class AxisGuard:
         """Why this axis could not be moved now: silent, unsound or non-finite sensor, outside its travel."""
         return self._stale(t, sample) or self._unsound() or self._finite(y) or self._travel(y)
 
-    def inspect(self, t: float, sample: Sample, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
+    def inspect(
+        self, t: float, sample: Sample, y: float, swing: float | None, exciting: bool, growth_counts: bool
+    ) -> Trip | None:
         """Judge the newest sample of a moving axis.
 
         Args:
             t: Tick time [s].
             sample: Raw sample, for its time.
-            y: Position in SI units.
+            y: Measurement in SI units.
+            swing: What swings in the limit cycle [unit of the position]; None while nothing should.
             exciting: The relay is on: the sensor must move.
             growth_counts: The relay has been at its amplitude long enough for growth to mean something.
         """
         return (
             self.ready(t, sample, y)
             or self._speed(sample, y)
-            or self._amplitude(t, y, exciting, growth_counts)
+            or self._amplitude(t, swing, growth_counts)
             or self._frozen(t, y, exciting)
         )
 
@@ -169,24 +176,25 @@ class AxisGuard:
             return None
         return Trip(
             "travel",
-            f"{self.name}: position {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
-            {"position": y, "low": low, "high": high},
+            f"{self.name}: {self.quantity} {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
+            {self.quantity: y, "low": low, "high": high},
         )
 
     def _speed(self, sample: Sample, y: float) -> Trip | None:
-        if sample.t <= (self.speed.points[-1][0] if self.speed.points else -math.inf):
+        most = self.limits.speed
+        if most is None or sample.t <= (self.speed.points[-1][0] if self.speed.points else -math.inf):
             return None
         speed = self.speed.update(sample.t, y)
-        if abs(speed) <= self.limits.speed:
+        if abs(speed) <= most:
             return None
         return Trip(
             "speed",
-            f"{self.name}: speed {speed:.4g} is over limits.speed {self.limits.speed:.4g}",
-            {"speed": speed, "limit": self.limits.speed},
+            f"{self.name}: speed {speed:.4g} is over limits.speed {most:.4g}",
+            {"speed": speed, "limit": most},
         )
 
-    def _amplitude(self, t: float, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
-        if not exciting:
+    def _amplitude(self, t: float, y: float | None, growth_counts: bool) -> Trip | None:
+        if y is None:
             self.swing = None
             return None
         if self.swing is None:
@@ -219,7 +227,7 @@ class AxisGuard:
             "frozen_sensor",
             f"{self.name}: the sensor has read {y:.6g} for {still * 1e3:.0f} ms while the relay is on; "
             f"guard.frozen is {self.guard.frozen * 1e3:.0f} ms",
-            {"position": y, "still_s": still, "limit_s": self.guard.frozen},
+            {self.quantity: y, "still_s": still, "limit_s": self.guard.frozen},
         )
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.base import Driver, Sample
-    from seod.config.model import RigConfig
+    from seod.config.model import AxisConfig, RigConfig
     from seod.loop.pacer import Pacer
     from seod.ring import Shared
 
@@ -61,6 +61,7 @@ class Loop:
         self.axes = [Axis(name, config, shared.events.put) for name in config.axes]
         channels = input_channels(config)
         self.sensor_of = [channels.index(config.sensors[a.config.sensor].channel) for a in self.axes]
+        self.conditions_of = [condition_channels(config, a.config, channels) for a in self.axes]
         self.marks = [
             (axis.sensor, channels.index(channel))
             for axis in self.axes
@@ -104,6 +105,8 @@ class Loop:
             sensor.mark(self.samples[index].value)
         for axis, index in zip(self.axes, self.sensor_of, strict=True):
             axis.sense(self.samples[index])
+        for axis, slow in zip(self.axes, self.conditions_of, strict=True):
+            axis.conditions.sense(t, *[None if index is None else self.samples[index] for index in slow])
         self.obey(t)
         self.inspect(t)
         self.turns.step(t)
@@ -269,10 +272,21 @@ class Loop:
 
 
 def input_channels(config: RigConfig) -> list[str]:
-    """Channels that the loop reads: each axis' sensor, then the e-stop line."""
-    channels = [config.sensors[axis.sensor].channel for axis in config.axes.values()]
+    """Channels that the loop reads: each axis' sensors, then the e-stop line."""
+    axes = config.axes.values()
+    sensors = [axis.sensor for axis in axes]
+    sensors += [
+        name for axis in axes for name in (axis.supply_pressure, axis.temperature) if name is not None
+    ]
+    channels = [config.sensors[name].channel for name in sensors]
     marks = [index_channel(config.sensors[axis.sensor]) for axis in config.axes.values()]
     channels += [channel for channel in marks if channel is not None]
     if config.guard.estop is not None:
         channels.append(config.guard.estop.channel)
     return list(dict.fromkeys(channels))
+
+
+def condition_channels(config: RigConfig, axis: AxisConfig, channels: list[str]) -> list[int | None]:
+    """Where in `channels` an axis' supply pressure and temperature are; None where it has no such sensor."""
+    names = (axis.supply_pressure, axis.temperature)
+    return [None if name is None else channels.index(config.sensors[name].channel) for name in names]

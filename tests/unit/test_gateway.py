@@ -87,6 +87,10 @@ async def test_samples_follow_the_rows_in_order_and_none_is_missing():
         "reference": 0.0,
         "signal": -samples[7]["y"],
         "e_a": 0.5,
+        "bias": 0.0,
+        "ps": None,
+        "temperature": None,
+        "K_L": 17.0,
         "state": "idle",
         "fresh": True,
     }
@@ -293,7 +297,7 @@ async def test_a_restarted_loop_has_the_rig_files_relay_again():
         run.loop.start(generation=2)
         await eventually(lambda: run.gateway.rig.mailbox.ticking)
         settings = (await client.call("get"))["settings"]
-    assert (settings["e_a"], settings["K_L"]) == (0.5, 20.0)
+    assert (settings["e_a"], settings["K_L"]) == (0.5, 17.0)
 
 
 async def test_an_estimator_that_cannot_compute_is_told_and_begins_anew(monkeypatch):

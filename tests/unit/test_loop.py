@@ -285,7 +285,7 @@ def test_set_takes_effect_while_running_and_is_held_to_the_limits(bench: Callabl
     assert {round(r["u"], 9) for r in rig.rows()} == {0.35, -0.25}
     for values in ({"e_a": 2.1}, {"e_a": 1.0, "bias": 1.2}, {"e_a": 0.0}, {"hysteresis": 0.7}, {"gain": 1.0}):
         assert rig.call("set", **values) is not None
-    assert rig.loop.axes[0].e_a == 0.3
+    assert rig.loop.axes[0].settings["e_a"] == 0.3
 
 
 def test_rows_are_the_ticks_without_a_gap(bench: Callable[..., Bench]) -> None:
