@@ -67,7 +67,7 @@ class Bench:
     def __init__(self, changes: dict[str, Any] | None = None, rig: dict[str, Any] = RIG) -> None:
         self.config = RigConfig.model_validate(merge(rig, changes or {}))
         self.shared = Shared(len(self.config.axes), 1 << 16)
-        self.pacer = SimulatedPacer(PERIOD, self.shared)
+        self.pacer = SimulatedPacer(1.0 / self.config.loop.rate_hz, self.shared)
         simulation = SimulationConfig.model_validate(self.config.simulation)
         options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
         self.driver = VirtualDriver(options, self.pacer.now)
