@@ -75,16 +75,19 @@ def _movements(draft: Draft, axis: str) -> Iterator[ConfigError]:
     polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
     if limits is None:
         return
+    velocity = draft.text("axes", axis, "mode") == "velocity"
     low, high = limits.travel
     if low >= high:
         message = "the lower end must come first and lie below the upper end"
         yield draft.wrong(("axes", axis, "limits", "travel"), message)
-    elif limits.amplitude > 0.5 * (high - low):
+    elif limits.amplitude > 0.5 * (high - low) and not velocity:
         message = f"must be at most half of limits.travel, {0.5 * (high - low):g}: it could never be reached"
         yield draft.wrong(("axes", axis, "limits", "amplitude"), message)
     below = f"must be below limits.amplitude = {limits.amplitude:g}"
     if relay and relay.hysteresis >= limits.amplitude:
         yield draft.wrong(("axes", axis, "relay", "hysteresis"), below)
+    if velocity:  # then these are speeds
+        return
     if polarity and polarity.movement >= limits.amplitude:
         yield draft.wrong(("axes", axis, "polarity", "movement"), below)
     if hold and hold.tolerance and hold.tolerance >= limits.amplitude:

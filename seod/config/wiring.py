@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from seod.config.errors import suggest
 from seod.config.model import LoopConfig, OutputConfig
 from seod.config.sensors import ScaledConfig
-from seod.config.units import UNITS, dimension_of, units_of
+from seod.config.units import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,21 +15,8 @@ if TYPE_CHECKING:
     from seod.config.draft import Draft
     from seod.config.errors import ConfigError, KeyPath
 
-POSITIONS = ("angle", "length")
-RATES = {"angle": "angular speed", "length": "speed"}
-
 LINEAR_KINDS = ("linear", "linear_scale", "fv_converter")
 """Kinds that can stand for each other: a scale and an offset, but for a linkage."""
-
-POSITION_KEYS: tuple[KeyPath, ...] = (
-    ("relay", "hysteresis"),
-    ("limits", "travel", 0),
-    ("limits", "travel", 1),
-    ("limits", "amplitude"),
-    ("hold", "tolerance"),
-    ("polarity", "movement"),
-)
-"""Quantities of an axis that are positions of its sensor."""
 
 
 def check_wiring(draft: Draft) -> Iterator[ConfigError]:
@@ -38,7 +25,6 @@ def check_wiring(draft: Draft) -> Iterator[ConfigError]:
     yield from _channel_units(draft)
     for axis in draft.names("axes"):
         yield from _references(draft, axis)
-        yield from _dimensions(draft, axis)
         yield from _plant(draft, axis)
         yield from _simulated_kind(draft, axis)
     yield from _shared_outputs(draft)
@@ -107,26 +93,6 @@ def sensor_dimension(draft: Draft, axis: str) -> str | None:
         return sensor.dimension
     unit = draft.text("sensors", draft.text("axes", axis, "sensor") or "", "unit")
     return UNITS[unit][0] if unit in UNITS else None
-
-
-def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
-    """Lengths for a sensor of lengths, angles for one of angles; plain numbers are SI and fit both."""
-    sensor = draft.text("axes", axis, "sensor")
-    dimension = sensor_dimension(draft, axis)
-    if dimension is None:
-        return
-    if dimension not in POSITIONS:
-        right = f"a sensor in one of {', '.join(units_of(*POSITIONS))}"
-        message = f"sensor {sensor!r} measures {dimension}; position control needs a position"
-        yield draft.error(("axes", axis, "sensor"), message, right)
-        return
-    wanted = [(key, dimension) for key in POSITION_KEYS] + [(("limits", "speed"), RATES[dimension])]
-    for key, right in wanted:
-        path = ("axes", axis, *key)
-        written = dimension_of(draft.raw(*path))
-        if written in (*POSITIONS, *RATES.values()) and written != right:
-            message = f"sensor {sensor!r} measures {dimension}: must be in {', '.join(units_of(right))}"
-            yield draft.wrong(path, message)
 
 
 def _shared_outputs(draft: Draft) -> Iterator[ConfigError]:
