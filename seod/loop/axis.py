@@ -195,9 +195,9 @@ class Axis:
         """The voltage asked for at `t` [V], before the guard; moves the state on for the next tick."""
         if not self.active:
             return 0.0
-        self.mode.advance(t, self.conditions.K_L, self.relay)
-        e = self.mode.error if self.relay is None else self.mode.signal
-        u = self.controller.step(t, e) + self.mode.bias
+        mode, relay = self.mode, self.relay
+        mode.advance(t, self.conditions.K_L, relay)
+        u = self.controller.step(t, mode.error if relay is None else mode.signal) + mode.bias
         if not math.isfinite(u):
             self.trip = Trip("non_finite", f"{self.name}: the controller asked for {u} V")
             return 0.0
@@ -216,7 +216,8 @@ class Axis:
 
     def amplitude(self, t: float) -> float:
         """Relay amplitude in force at `t` [V]; 0 while it is off."""
-        return 0.0 if self.relay is None else self.relay.amplitude(t)
+        relay = self.relay
+        return 0.0 if relay is None else relay.amplitude(t)
 
     def warn(self, code: str, why: str) -> None:
         """Tell the clients of something that does not stop the axis."""

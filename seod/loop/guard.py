@@ -137,7 +137,7 @@ class AxisGuard:
     def pass_command(self, t: float, u: float) -> float:
         """Clip a command to output and slew limits [V]; `u` must be finite."""
         limit = self.limits.output
-        out = max(-limit, min(limit, u))
+        out = u if -limit <= u <= limit else math.copysign(limit, u)
         if self.limits.slew is not None:
             step = self.limits.slew * min(t - self.last_t, 1.0)
             out = max(self.last_u - step, min(self.last_u + step, out))
@@ -206,8 +206,8 @@ class AxisGuard:
                 f"{self.name}: amplitude {swing:.4g} is over limits.amplitude {self.limits.amplitude:.4g}",
                 {"amplitude": swing, "limit": self.limits.amplitude},
             )
-        growth = self.swing.growth()
-        if growth_counts and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
+        growth = self.swing.growth() if growth_counts else 1.0
+        if growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",
                 f"{self.name}: the oscillation grew {growth:.3g} times within a second; limits.growth is "

@@ -61,7 +61,11 @@ class Loop:
         self.axes = [Axis(name, config, shared.events.put) for name in config.axes]
         channels = input_channels(config)
         self.sensor_of = [channels.index(config.sensors[a.config.sensor].channel) for a in self.axes]
-        self.conditions_of = [condition_channels(config, a.config, channels) for a in self.axes]
+        self.conditions_of = [
+            (axis.conditions, slow)
+            for axis in self.axes
+            if (slow := condition_channels(config, axis.config, channels)) != [None, None]
+        ]
         self.marks = [
             (axis.sensor, channels.index(channel))
             for axis in self.axes
@@ -105,8 +109,8 @@ class Loop:
             sensor.mark(self.samples[index].value)
         for axis, index in zip(self.axes, self.sensor_of, strict=True):
             axis.sense(self.samples[index])
-        for axis, slow in zip(self.axes, self.conditions_of, strict=True):
-            axis.conditions.sense(t, *[None if index is None else self.samples[index] for index in slow])
+        for conditions, slow in self.conditions_of:
+            conditions.sense(t, *[None if index is None else self.samples[index] for index in slow])
         self.obey(t)
         self.inspect(t)
         self.turns.step(t)
@@ -150,11 +154,11 @@ class Loop:
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         if any(axis.active for axis in self.axes):
-            volts = [
-                axis.guard.pass_command(t, u) if axis.active else 0.0
-                for axis, u in zip(self.axes, asked, strict=True)
-            ]
-            raw = [axis.raw_neutral + axis.raw_per_volt * u for axis, u in zip(self.axes, volts, strict=True)]
+            volts, raw = [], []
+            for axis, u in zip(self.axes, asked, strict=True):
+                volt = axis.guard.pass_command(t, u) if axis.active else 0.0
+                volts.append(volt)
+                raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
             left = self.driver.write(t, raw)
         else:
             volts = [0.0] * len(self.axes)
