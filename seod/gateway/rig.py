@@ -61,7 +61,10 @@ class Rig:
     ) -> None:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
-        self.axes = {name: Axis(name, axis, period, make) for name, axis in config.axes.items()}
+        self.axes = {
+            name: Axis(name, axis, period, make, config.sensors[axis.sensor].lag)
+            for name, axis in config.axes.items()
+        }
         self.mailbox = Mailbox(shared.commands, restart_loop)
         self.clients: Callable[[], dict[str, Any]] = dict
         """Tells about the clients in `health`; the server sets it."""
@@ -210,6 +213,12 @@ class Rig:
         self._fail(fault)
         self._publish_event(fault)
         self._hub.flush()
+
+    def change(self, axis: Axis, values: dict[str, Any], told: dict[str, Any]) -> None:
+        """New settings are in force; `told` are those of which the loop does not tell the clients."""
+        axis.change(values)
+        if told:
+            self._publish_event({"event": "changed", "t": self.now(), "axis": axis.name, "values": told})
 
     async def reset(self, axis: int | None = None) -> None:
         """Leave the fault; where the loop has died, have a new one started and wait until it ticks.
