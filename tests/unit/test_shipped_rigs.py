@@ -1,4 +1,4 @@
-"""The rig files in `configs/`: each passes `seod check`, and its estimates are its simulated plants' truth."""
+"""The rig files in `configs/`: each passes `seod check`, and its estimates tell its plants' true values."""
 
 from __future__ import annotations
 
