@@ -241,7 +241,7 @@ def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | st
         try:
             values[name] = float(value)
         except ValueError:
-            values[name] = value
+            values[name] = {"true": True, "false": False}.get(value, value)
     return axis, values
 
 
@@ -254,7 +254,7 @@ Assignments = Annotated[
     list[str],
     typer.Argument(
         metavar="[AXIS] NAME=VALUE...",
-        help="e_a, bias [V], hysteresis [axis unit], K_L or method.",
+        help="e_a, bias [V], hysteresis [axis unit], K_L, method; in velocity mode reference, trim=false.",
         callback=_check_assignments,
     ),
 ]

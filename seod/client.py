@@ -210,7 +210,10 @@ class Client:
         return self.call("get", axis=axis)
 
     def set(self, axis: str | None = None, **values: float | str) -> Message:
-        """Change e_a [V], hysteresis, bias [V], K_L or method of an axis; returns its settings."""
+        """Change e_a [V], hysteresis, bias [V], K_L or method of an axis; returns its settings.
+
+        In velocity mode also `reference` [axis unit/s] and `trim` (True or False).
+        """
         return self.call("set", axis=axis, **values)
 
     def start(self, axis: str | None = None) -> Message:

@@ -202,7 +202,7 @@ class Service:
         for_loop = {key: values[key] for key in LOOP_SETTINGS if key in values}
         if for_loop:
             await self._rig.mailbox.post("set", self._index(axis.name), for_loop)
-        axis.change(values)
+        self._rig.change(axis, values, told={key: values[key] for key in values.keys() - for_loop.keys()})
         return {"axis": axis.name, "settings": dict(axis.settings)}
 
 

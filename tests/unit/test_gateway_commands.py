@@ -118,3 +118,11 @@ async def test_a_drive_is_held_against_the_limits(values, told):
     assert [(c["op"], c["axis"], c["values"]) for c in run.loop.taken] == [
         ("drive", 0, {"volts": 0.5, "duration": 0.2})
     ]
+
+
+async def test_a_new_method_is_told_to_everyone():
+    async with running() as run, peer(run) as client:
+        await client.call("subscribe", topics=["event"])
+        await client.call("set", axis="motor", method="peaks", e_a=0.7)
+        await client.until("event", event="changed", values={"e_a": 0.7})
+        await client.until("event", event="changed", values={"method": "peaks"})
