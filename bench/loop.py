@@ -203,12 +203,12 @@ def axes(rounds: int, seconds: float) -> dict[int, list[float]]:
     for loop in loops.values():
         run_loop(loop, 0.2)
     found: dict[int, list[float]] = defaultdict(list)
-    tails: dict[int, list[float]] = defaultdict(list)
+    tails: dict[int, list[np.ndarray]] = defaultdict(list)
     for _ in range(rounds):
         for count, loop in loops.items():
             costs = tick_costs(loop, seconds)
             found[count].append(float(np.median(costs)))
-            tails[count].append(float(np.quantile(costs, 0.99)))
+            tails[count].append(np.quantile(costs, (0.1, 0.99)))
     medians = [statistics.median(found[count]) for count in AXES]
     slope, offset = np.polyfit(list(AXES), medians, 1)
     off = np.max(np.abs(np.polyval([slope, offset], list(AXES)) / medians - 1.0))
@@ -217,7 +217,9 @@ def axes(rounds: int, seconds: float) -> dict[int, list[float]]:
     )
     print("  axes   " + "".join(f"{count:>8}" for count in AXES))
     print("  median " + "".join(f"{value:>8.1f}" for value in medians))
-    print("  p99    " + "".join(f"{statistics.median(tails[count]):>8.1f}" for count in AXES))
+    for name, column in (("p10", 0), ("p99", 1)):
+        values = [statistics.median(tail[column] for tail in tails[count]) for count in AXES]
+        print(f"  {name:<7}" + "".join(f"{value:>8.1f}" for value in values))
     print(f"  line: {offset:.1f} + {slope:.1f} * axes, off by {100 * off:.0f} % at most")
     return found
 
