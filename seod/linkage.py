@@ -12,7 +12,7 @@ from seod.config.units import UNITS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.config.sensors import LinkageConfig
+    from seod.config.linkage import LinkageConfig
 
 
 class Linkage(Protocol):

@@ -25,6 +25,17 @@ def _known_unit(unit: str) -> str:
     return unit
 
 
+def of_dimension(unit: str, *dimensions: str) -> str:
+    """`unit`, if it has one of these dimensions.
+
+    Raises:
+        ValueError: It has not; says which units are right.
+    """
+    if UNITS[unit][0] not in dimensions:
+        raise ValueError(f"wrong unit {unit!r}: must be one of {', '.join(units_of(*dimensions))}")
+    return unit
+
+
 def _not_zero(scale: float) -> float:
     if scale == 0:
         raise ValueError("must not be 0: nothing would get through")

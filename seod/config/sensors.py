@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError, field_validator, model_validator
 
-from seod.config.section import FINITE, POSITIVE, NonNegativeSeconds, Scale, Section, Unit, quantity
-from seod.config.units import UNITS, units_of
+from seod.config.linkage import LinkageConfig
+from seod.config.section import FINITE, NonNegativeSeconds, Scale, Section, Unit, of_dimension
+from seod.config.units import UNITS
 
-Length = Annotated[float, *quantity("length"), FINITE]
-PositiveLength = Annotated[float, *quantity("length"), POSITIVE]
 Span = tuple[Annotated[float, FINITE], Annotated[float, FINITE]]
 """Lowest and highest number of a channel."""
-AngleUnit = Annotated[Unit, Field(json_schema_extra={"enum": units_of("angle")})]
 
 
 class SensorSection(Section):
@@ -42,9 +39,7 @@ class SensorSection(Section):
     @field_validator("unit")
     @classmethod
     def _right_dimension(cls, unit: str) -> str:
-        if cls.DIMENSIONS and UNITS[unit][0] not in cls.DIMENSIONS:
-            raise ValueError(f"wrong unit {unit!r}: must be one of {', '.join(units_of(*cls.DIMENSIONS))}")
-        return unit
+        return of_dimension(unit, *cls.DIMENSIONS) if cls.DIMENSIONS else unit
 
     @field_validator("range", "saturation")
     @classmethod
@@ -167,66 +162,6 @@ class AbsoluteEncoderConfig(SensorSection):
         if counts is not None and (abs(counts) > most or counts != int(counts)):
             raise ValueError(f"must be a whole number of at most 2 to the power of bits, {most}")
         return counts
-
-
-class TableConfig(Section):
-    """Stroke and angle at some points of a linkage; between them a curve that never turns back."""
-
-    stroke: Annotated[list[Annotated[float, FINITE]], Field(min_length=2)]
-    """Ascending, in the sensor's unit."""
-    angle: Annotated[list[Annotated[float, FINITE]], Field(min_length=2)]
-    """Rising or falling throughout, in the linkage's unit."""
-    interpolation: Literal["linear", "cubic"] = "cubic"
-    """`cubic`: smooth, and monotone as the table is."""
-
-    @model_validator(mode="after")
-    def _monotone(self) -> TableConfig:
-        if len(self.stroke) != len(self.angle):
-            raise ValueError(f"{len(self.stroke)} strokes, but {len(self.angle)} angles")
-        rises = [b - a for a, b in pairwise(self.angle)]
-        if any(b <= a for a, b in pairwise(self.stroke)):
-            raise ValueError("stroke must ascend")
-        if not (all(rise > 0 for rise in rises) or all(rise < 0 for rise in rises)):
-            raise ValueError("angle must rise or fall throughout")
-        return self
-
-
-class CrankConfig(Section):
-    """A cylinder between a fixed pivot and a crank: the law of cosines."""
-
-    base: PositiveLength
-    """From the crank's axis to the cylinder's fixed pivot."""
-    rod: PositiveLength
-    """From pivot to pivot along the cylinder at stroke 0."""
-    arm: PositiveLength
-    """From the crank's axis to the rod's pivot."""
-    zero: Length = 0.0
-    """Stroke at which the angle is 0."""
-    sign: Literal[1, -1] = 1
-    """-1 where the angle falls as the cylinder extends."""
-
-    @model_validator(mode="after")
-    def _zero_is_reached(self) -> CrankConfig:
-        if not abs(self.base - self.arm) < self.rod + self.zero < self.base + self.arm:
-            raise ValueError("base, arm and rod + zero are no triangle: the linkage cannot stand at its zero")
-        return self
-
-
-class LinkageConfig(Section):
-    """From a cylinder's stroke to an angle: either a table or a crank."""
-
-    unit: AngleUnit = "rad"
-    """Unit of the table's angles."""
-    table: TableConfig | None = None
-    crank: CrankConfig | None = None
-
-    @model_validator(mode="after")
-    def _one_form(self) -> LinkageConfig:
-        if (self.table is None) == (self.crank is None):
-            raise ValueError("needs either table or crank")
-        if UNITS[self.unit][0] != "angle":
-            raise ValueError(f"wrong unit {self.unit!r}: must be one of {', '.join(units_of('angle'))}")
-        return self
 
 
 class LinearScaleConfig(ScaledConfig):
