@@ -26,7 +26,7 @@ VELOCITY: dict[str, Any] = {
         "motor": {
             "mode": "velocity",
             "reference": 32.5,
-            "ramp": 100.0,
+            "ramp": 150.0,
             "relay": {"hysteresis": 0.004},
             "limits": {"output": 10.0, "travel": (-60.0, 190.0), "speed": None, "amplitude": 0.45},
             "polarity": {"movement": 3.0},
@@ -80,7 +80,7 @@ def test_zeta_and_omega_n_are_the_plants_at_any_speed(
     rig = bench({"reference": reference, "estimator": {"cycles": 8}}, plant)
     assert rig.call("start") is None
     until(rig, AxisState.EXCITING)
-    rig.run(6.0)
+    rig.run(1.2 + 250 / omega_n)
     answers = [a for a in estimates(rig) if a.quality == "ok"]
     assert len(answers) > 20
     last = answers[-20:]
@@ -99,7 +99,7 @@ def test_states_and_ramps_up_and_down(bench: Callable[..., Bench]) -> None:
     run_up = [r for r in rows if r["reference"] > 0.0]
     assert run_up[-1]["reference"] == 32.5
     steps = [b["reference"] - a["reference"] for a, b in pairwise(run_up)]
-    assert max(steps) <= 100.0 * PERIOD * 1.001
+    assert max(steps) <= 150.0 * PERIOD * 1.001
     assert max(r["y"] for r in rows) < 40.0  # no overshoot to speak of
     rig.run(1.0)
     rig.rows()
@@ -125,7 +125,7 @@ def test_the_reference_changes_while_it_runs_without_a_jump(bench: Callable[...,
     rows = rig.rows()
     assert rows[-1]["reference"] == 120.0
     jumps = [abs(b["u"] - a["u"]) for a, b in pairwise(rows)]
-    assert all(jump < 0.03 or abs(jump - 2 * E_A) < 0.15 for jump in jumps)
+    assert all(jump < 0.04 or abs(jump - 2 * E_A) < 0.15 for jump in jumps)
     assert sum(r["y"] for r in rows[-2000:]) / 2000 == pytest.approx(120.0, abs=1.0)
     assert rig.state is AxisState.EXCITING
     rig.call("set", reference=0.0)
@@ -292,3 +292,47 @@ def test_bursts_pause_at_speed(bench: Callable[..., Bench]) -> None:
     rig.rows()
     until(rig, AxisState.EXCITING)
     assert {r["reference"] for r in rig.rows()} == {32.5}
+
+
+@pytest.mark.parametrize("reference", [32.5, 120.0])
+def test_noise_of_5_percent_on_the_speed_hardly_counts(bench: Callable[..., Bench], reference: float) -> None:
+    """The integrator is the filter: what Fig. 6b has it for."""
+    rig = bench({"reference": reference, "estimator": {"cycles": 10}}, {"noise": 0.05 * SPEED_AMPLITUDE})
+    rig.call("start")
+    until(rig, AxisState.EXCITING)
+    rig.run(8.0)
+    last = [a for a in estimates(rig) if a.quality == "ok"][-30:]
+    assert len(last) == 30
+    assert sum(a.zeta for a in last) / 30 == pytest.approx(0.21, rel=0.02)
+    assert sum(a.omega_n for a in last) / 30 == pytest.approx(117.0, rel=0.01)
+
+
+def test_estimates_go_on_while_the_pressure_changes(bench: Callable[..., Bench]) -> None:
+    """From 5 to 10 MPa in 10 s, as in Fig. 11: the gain is Eq. 9 and omega_n grows with the pressure."""
+    motor = {"K_L": EQ_9, "supply_pressure": "supply", "estimator": {"cycles": 4}}
+    rig = bench(
+        motor, {"K_L": 14.5}, **merge(PRESSURE, {"simulation": {"constants": {"ps": 5.0, "oil": 40.0}}})
+    )
+    rig.call("start")
+    until(rig, AxisState.EXCITING)
+    rig.run(1.0)
+    rig.rows()
+    simulated = rig.driver.rig
+    assert simulated is not None
+    for k in range(201):
+        ps = 5.0 + k / 40.0
+        simulated.constants["ps"] = ps
+        true = {"K_L": 4.25 + 2.72 * ps - 0.134 * ps * ps, "omega_n": 80.0 + 8.0 * ps}
+        simulated.actuators["motor"].change(rig.pacer.now(), true)
+        rig.run(0.05)
+    answers = estimates(rig)
+    good = [a for a in answers[20:] if a.quality == "ok"]
+    assert len(good) > 0.9 * len(answers[20:])
+    for a in good:
+        ps = a.ps / 1e6
+        true_gain = 4.25 + 2.72 * ps - 0.134 * ps * ps
+        assert abs(a.K_L - true_gain) < 0.02 * true_gain
+        assert a.omega_n == pytest.approx(80.0 + 8.0 * ps, rel=0.03)
+        assert a.zeta == pytest.approx(0.21, rel=0.15)
+    assert sum(a.zeta for a in good) / len(good) == pytest.approx(0.21, rel=0.02)
+    assert rig.faults() == []
