@@ -37,8 +37,10 @@ class Turns:
         if not self.queue:
             return
         holder = self.queue[0]
+        if not all(axis.active for axis in self.queue):
+            self.queue = [axis for axis in self.queue if axis.active]
         if not holder.active:
-            self._pass_on(t, self.queue[1:])
+            self._pass_on(t, self.queue)
         elif holder.waiting:
             if holder.hold_is_over(t):
                 self._pass_on(t, [*self.queue[1:], holder])

@@ -59,8 +59,7 @@ class Axes(Bench):
 
     def voltage(self, name: str) -> float:
         assert self.driver.rig is not None
-        volts: float = self.driver.rig.state(self.pacer.now())[name]["voltage"]
-        return volts
+        return self.driver.rig.actuators[name].voltage
 
     def history(self, name: str) -> list[tuple[str, str]]:
         return [(e["state"], e["why"]) for e in self.take("state") if e["axis"] == name]
@@ -260,6 +259,21 @@ def test_a_fault_leaves_the_round_to_the_others(bench: Callable[..., Axes]) -> N
     assert turns[:5] == ["pitch", "roll", "stabilator", "roll", "stabilator"]
 
 
+def test_one_that_has_left_the_round_and_is_started_by_name_goes_on_beside_it(
+    bench: Callable[..., Axes],
+) -> None:
+    rig4 = bench(("pitch", "roll", "rudder"), in_turn(0.5))
+    rig4.call("start")
+    rig4.run(0.3)
+    rig4.call("stop", rig4.index("rudder"))
+    rig4.run(0.1)
+    assert rig4.states() == {"pitch": "exciting", "roll": "holding", "rudder": "idle"}
+    rig4.call("start", rig4.index("rudder"))
+    rig4.run(3.0)
+    assert rig4.states()["rudder"] == "exciting"
+    assert [why for _, why in rig4.history("rudder")].count("its turn is over") == 0
+
+
 def test_a_named_axis_starts_at_once_whatever_the_order(bench: Callable[..., Axes]) -> None:
     seat = bench(changes=in_turn())
     seat.call("start", seat.index("pitch"))
@@ -286,9 +300,8 @@ def test_estimates_of_both_axes_are_true_at_once(bench: Callable[..., Axes], ord
     rows = seat.axis_rows()
     for index, axis in enumerate(seat.loop.axes):
         gateway = GatewayAxis(axis.name, axis.config, PERIOD, lambda s: TABLE[s.method](s))
-        answers = [
-            e for e in gateway.feed([tuple(axes[index].values()) for _, _, axes in rows]) if e.quality == "ok"
-        ]
+        fed: Any = [tuple(axes[index].values()) for _, _, axes in rows]
+        answers = [e for e in gateway.feed(fed) if e.quality == "ok"]
         assert len(answers) > 20
         for name in ("omega_n", "zeta"):
             found = median(getattr(e, name) for e in answers)
