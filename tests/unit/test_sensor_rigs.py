@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.config.sensors import sensor_or_none
+from seod.estimate import make_estimator
+from seod.gateway.estimation import Axis
 from seod.loop.sensor import make_sensor
-from seod.ring import FLAG_SATURATED, AxisState
+from seod.ring import AXIS_FIELDS, FLAG_SATURATED, AxisState
 from sim.config import PlantConfig, SimulationConfig
 from sim.rig import Actuator, SimulatedRig
-from tests.unit.loop_bench import Bench
+from tests.unit.loop_bench import PERIOD, Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -144,6 +146,35 @@ def test_rows_tell_where_the_sensor_clips(bench: Callable[..., Bench]) -> None:
     marked = [bool(int(row["flags"]) & FLAG_SATURATED) for row in rows]
     assert marked == [abs(row["y"]) >= 0.15 for row in rows]
     assert any(marked)
+
+
+def test_zeta_and_omega_n_are_right_behind_a_converter_that_lags_and_ripples() -> None:
+    """Velocity mode at 32.5 rad/s; the ripple is of 500 Hz there."""
+    sensor = {"kind": "fv_converter", "unit": "rad/s", "scale": 20.0, "lag": 1.5e-3}
+    converter = {"kind": "fv_converter", "volts_per_unit": 0.05, "lag": 1.5e-3}
+    ripple = {"ripple": 0.02, "ripples_per_unit": 500 / 32.5}
+    limits = {"output": 10.0, "travel": (-60.0, 190.0), "speed": None, "amplitude": 0.45}
+    axis = {"mode": "velocity", "reference": 32.5, "limits": limits, "polarity": {"movement": 3.0}}
+    plant = {"zeta": 0.45, "omega_n": 145.0, "sensor": converter | ripple, "noise": 0.05}
+    rig = Bench(
+        {
+            "sensors": {"angle": sensor},
+            "axes": {"motor": axis},
+            "simulation": {"plants": {"motor": plant}},
+        }
+    )
+    rig.run(0.05)
+    assert rig.call("start") is None
+    rig.run(4.0)
+    rows = [tuple(row[name] for name in (*AXIS_FIELDS, "state", "flags")) for row in rig.rows()]
+    for lag, right in ((1.5e-3, True), (0.0, False)):
+        seen = Axis("motor", rig.config.axes["motor"], PERIOD, make_estimator, lag)
+        last = seen.feed(rows)[-20:]  # type: ignore[arg-type]  # int flags come as they are
+        assert {answer.quality for answer in last} == {"ok"}
+        zeta, omega_n = (sum(getattr(a, name) for a in last) / 20 for name in ("zeta", "omega_n"))
+        assert (zeta == pytest.approx(0.45, rel=0.01)) is right
+        assert (omega_n == pytest.approx(145.0, rel=0.01)) is right
+    rig.close()
 
 
 # The simulated F/V converter and its reading
