@@ -163,8 +163,12 @@ def test_each_axis_is_reset_and_started_by_itself(bench: Callable[..., Axes]) ->
 
 
 def test_wrong_polarity_of_one_axis_is_its_own_affair(bench: Callable[..., Axes]) -> None:
-    seat = bench(changes={**policy("axis"), "outputs": {"pitch": {"scale": -1.0}}})
+    null = {"axes": {"pitch": {"relay": {"bias": 0.1}}}}
+    seat = bench(changes={**policy("axis"), **null, "outputs": {"pitch": {"scale": -1.0}}})
     seat.call("start")
+    while not seat.faults():
+        seat.run(PERIOD)
+    assert seat.voltage("pitch") == 0.0  # without the bias too, and in that tick
     seat.run(1.5)
     assert seat.states() == {"pitch": "fault", "roll": "exciting"}
     assert seat.faults() == ["polarity"]
@@ -232,13 +236,13 @@ def test_axes_take_turns_until_stopped(bench: Callable[..., Axes]) -> None:
 
 
 def test_a_turn_lasts_as_long_as_it_should_and_its_neighbour_holds(bench: Callable[..., Axes]) -> None:
-    seat = bench(changes=in_turn(0.5))
+    seat = bench(changes=in_turn(1.5))  # longer than the pause between bursts
     seat.call("start")
-    seat.run(2.5)
+    seat.run(3.0)
     events = [e for e in seat.take("state") if e["axis"] == "pitch"]
     on = next(e["t"] for e in events if e["state"] == "exciting")
     off = next(e["t"] for e in events if e["why"] == "its turn is over")
-    assert off - on == pytest.approx(0.5, abs=2 * PERIOD)
+    assert off - on == pytest.approx(1.5, abs=2 * PERIOD)
     ticks = [r for r in seat.whole_rows() if on <= r["pitch"]["t"] <= off]
     assert {r["roll"]["state"] for r in ticks[1:]} == {AxisState.HOLDING}
     assert max(abs(r["roll"]["u"]) for r in ticks) < 0.1  # it stands, and is kept there
