@@ -75,6 +75,8 @@ class Axis:
         """For its turn, holding the position; see `seod.loop.turns`."""
         self.driven: tuple[float, float] | None = None
         """Voltage [V] and duration [s] of a drive; None for the relay."""
+        self.stays = False
+        """Whether a drive ends where it has come to, and not where it began."""
         self.trip: Trip | None = None
 
     @property
@@ -112,14 +114,18 @@ class Axis:
         swing = self.mode.swing if relay else None
         return self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
 
-    def drive(self, t: float, volts: float, duration: float) -> str | None:
-        """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not."""
+    def drive(self, t: float, volts: float, duration: float, stay: bool = False) -> str | None:
+        """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not.
+
+        With `stay` it is held where the drive has brought it.
+        """
         limits = self.config.limits
         if not math.isfinite(volts) or abs(volts) + abs(self.settings["bias"]) > limits.output:
             return f"{self.name}: |volts| + |bias| must be at most limits.output = {limits.output:g} V"
         if not 0.0 < duration <= limits.excitation:
             longest = f"limits.excitation = {limits.excitation:g} s"
             return f"{self.name}: duration must be > 0 and at most {longest}"
+        self.stays = stay
         return self.start(t, (volts, duration))
 
     def start(self, t: float, driven: tuple[float, float] | None = None, waiting: bool = False) -> str | None:
@@ -160,9 +166,11 @@ class Axis:
         self._return(t, why)
 
     def go_on(self, t: float) -> None:
-        """Have the turn: the relay on at once, or after the polarity pulse that still goes on."""
+        """Have the turn: the relay on at once, or after what has to come before it."""
         self.waiting = False
-        if self.state is AxisState.HOLDING:
+        if self.mode.approaches and not isinstance(self.controller, PolarityPulse):
+            self._begin_hold(t)
+        elif self.state is AxisState.HOLDING:
             self._excite(t)
 
     def fault(self, t: float, trip: Trip) -> None:
@@ -264,6 +272,8 @@ class Axis:
             self.stop(t, "excitation budget used up")
         elif isinstance(self.controller, Drive):
             if t >= self.controller.end:
+                if self.stays:
+                    self.mode.start(self.y)
                 self.stop(t, "drive over")
         elif plan.kind == "burst" and t - self.entered >= plan.entry + plan.duration:
             self._return(t, "burst over")
@@ -300,7 +310,7 @@ class Axis:
         self._become(AxisState.HOLDING, t, why)
 
     def _begin_hold(self, t: float) -> None:
-        self.controller = self.mode.hold(t, rest=self.stopping or self.driven is not None)
+        self.controller = self.mode.hold(t, rest=self.stopping or self.waiting or self.driven is not None)
         self.entered = t
 
     def hold_is_over(self, t: float) -> bool:

@@ -336,3 +336,19 @@ def test_estimates_go_on_while_the_pressure_changes(bench: Callable[..., Bench])
         assert a.zeta == pytest.approx(0.21, rel=0.15)
     assert sum(a.zeta for a in good) / len(good) == pytest.approx(0.21, rel=0.02)
     assert rig.faults() == []
+
+
+def test_an_axis_that_waits_for_its_turn_rests(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    axis = rig.loop.axes[0]
+    axis.start(rig.pacer.now(), waiting=True)
+    rig.run(1.5)
+    assert rig.state is AxisState.HOLDING
+    rows = rig.rows()[-200:]
+    assert abs(sum(r["y"] for r in rows)) / 200 < 1.0
+    axis.go_on(rig.pacer.now())
+    until(rig, AxisState.EXCITING)
+    assert rig.rows()[-1]["y"] == pytest.approx(32.5, abs=6.0)
+    axis.wait(rig.pacer.now(), "its turn is over")
+    rig.run(2.0)
+    assert rig.rows()[-1]["y"] == pytest.approx(0.0, abs=6.0)
