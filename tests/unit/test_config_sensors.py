@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import re
+from pathlib import Path
+
 import pytest
+import yaml
 
 from seod.config.load import load_text
 from seod.config.model import RigConfig
-from seod.config.sensors import LinearConfig
+from seod.config.sensors import LinearConfig, sensor_or_none
 from seod.config.truth import truth
 from seod.config.units import parse_quantity, to_si
 from seod.paths import configs_dir
@@ -134,3 +139,12 @@ def test_units_with_a_zero_of_their_own() -> None:
     assert parse_quantity("40 degC", "temperature") == pytest.approx(313.15)
     assert to_si(1500.0, "rpm") == pytest.approx(157.0796327)
     assert to_si(-273.15, "degC") == pytest.approx(0.0)
+
+
+def test_the_documents_example_is_right() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text()
+    block = re.search(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    sensors = yaml.safe_load(block[1])["sensors"]
+    assert len(sensors) == 3
+    assert [name for name, section in sensors.items() if sensor_or_none(json.dumps(section)) is None] == []
