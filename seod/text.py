@@ -55,7 +55,7 @@ def settings(values: Message) -> str:
     return ", ".join(f"{name} = {_setting(value)}" for name, value in values.items())
 
 
-def _setting(value: float | str | None) -> str:
+def _setting(value: bool | float | str | None) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return value if isinstance(value, str) else number(value, 6)

@@ -190,7 +190,9 @@ class Service:
     def _drive(self, _: Session, params: DriveParams) -> Awaitable[Result]:
         axis = self._axis(params.axis)
         check_drive(axis, params)
-        return self._carry_out("drive", self._index(axis.name), params.model_dump(exclude={"axis"}))
+        return self._carry_out(
+            "drive", self._index(axis.name), params.model_dump(exclude={"axis"}, exclude_defaults=True)
+        )
 
     def _set(self, _: Session, params: SetParams) -> Awaitable[Result]:
         axis = self._axis(params.axis)
