@@ -1,8 +1,8 @@
 """The guard alone decides what reaches an actuator. Pure: time and values in, verdicts out.
 
 Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives the
-rig, or under `guard.fault_policy: axis` the axis, to neutral in the same tick and latches. Limits of output and
-slew clip instead.
+rig, or under `guard.fault_policy: axis` the axis, to neutral in the same tick and latches. Limits of output
+and slew clip instead.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from seod.config.sensors import index_channel
 from seod.loop import guard
 from seod.loop.axis import Axis
+from seod.loop.channels import condition_channels, input_channels
 from seod.loop.guard import Trip
 from seod.loop.meter import TickMeter
 from seod.loop.rowlog import RowLog
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.base import Driver, Sample
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.model import RigConfig
     from seod.loop.pacer import Pacer
     from seod.ring import Shared
 
@@ -273,24 +274,3 @@ class Loop:
         self.log.flush(math.nan)
         self.meter.publish_counters()
         self.driver.close()
-
-
-def input_channels(config: RigConfig) -> list[str]:
-    """Channels that the loop reads: each axis' sensors, then the e-stop line."""
-    axes = config.axes.values()
-    sensors = [axis.sensor for axis in axes]
-    sensors += [
-        name for axis in axes for name in (axis.supply_pressure, axis.temperature) if name is not None
-    ]
-    channels = [config.sensors[name].channel for name in sensors]
-    marks = [index_channel(config.sensors[axis.sensor]) for axis in config.axes.values()]
-    channels += [channel for channel in marks if channel is not None]
-    if config.guard.estop is not None:
-        channels.append(config.guard.estop.channel)
-    return list(dict.fromkeys(channels))
-
-
-def condition_channels(config: RigConfig, axis: AxisConfig, channels: list[str]) -> list[int | None]:
-    """Where in `channels` an axis' supply pressure and temperature are; None where it has no such sensor."""
-    names = (axis.supply_pressure, axis.temperature)
-    return [None if name is None else channels.index(config.sensors[name].channel) for name in names]

@@ -6,8 +6,9 @@ from typing import Any
 
 from drivers.virtual import VirtualDriver, VirtualOptions
 from seod.config.model import RigConfig
+from seod.loop.channels import input_channels
 from seod.loop.pacer import SimulatedPacer
-from seod.loop.tick import Loop, input_channels
+from seod.loop.tick import Loop
 from seod.ring import AXIS_FIELDS, AxisState, Shared, Word
 from sim.config import SimulationConfig
 
