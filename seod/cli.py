@@ -186,6 +186,32 @@ def latency(
 
 
 @app.command()
+def calibrate(
+    path: ConfigPath,
+    axis: Annotated[str | None, typer.Option(help="This axis alone.")] = None,
+    pressures: Annotated[
+        int, typer.Option(min=1, help="Measure at so many supply pressures; asks for each.")
+    ] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the change, write nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Move and write without asking.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
+) -> None:
+    """Measure polarity, K_L, null, deadband and delay; write them into the rig file."""
+    from seod.calibrate import shell  # noqa: PLC0415 - numerics
+    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+
+    with plain_errors():
+        config = load(path)
+        if axis is not None and axis not in config.axes:
+            raise CommandError(f"no axis {axis!r}; {path} has {', '.join(config.axes)}")
+        try:
+            axes = list(config.axes) if axis is None else [axis]
+            shell.calibrate(config, path, axes, pressures, shell.Wishes(dry_run, yes, as_json))
+        except (CalibrationError, OSError) as error:
+            raise CommandError(str(error)) from error
+
+
+@app.command()
 def check(path: ConfigPath) -> None:
     """Validate a rig file and compute its bus load."""
     from seod.config.check import check as judge  # noqa: PLC0415

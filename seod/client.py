@@ -224,12 +224,14 @@ class Client:
         """End the excitation of an axis, or all; it goes back to where it stood."""
         return self.call("stop", axis=axis)
 
-    def drive(self, axis: str | None, volts: float, duration: float) -> Message:
+    def drive(self, axis: str | None, volts: float, duration: float, stay: bool = False) -> Message:
         """Put a voltage on an axis, open loop, for `duration` [s]; the guard stays, then it is held.
+
+        It is held where it began, or where it has come to (`stay`).
 
         Returns at once; the `state` events tell when it is over. The axis must be idle.
         """
-        return self.call("drive", axis=axis, volts=volts, duration=duration)
+        return self.call("drive", axis=axis, volts=volts, duration=duration, stay=stay)
 
     def estop(self) -> Message:
         """Neutral at once; needs a reset afterwards."""

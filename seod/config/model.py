@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from seod.config.calibration import CalibrationConfig
 from seod.config.gain import Gain
 from seod.config.section import (
     FINITE,
@@ -183,6 +184,8 @@ class AxisConfig(Section):
     """Cut-off of a first-order low-pass in front of the relay."""
     hold: HoldConfig = HoldConfig()
     estimator: EstimatorConfig = EstimatorConfig()
+    calibration: CalibrationConfig | None = None
+    """Written by `seod calibrate`."""
 
 
 class EstopConfig(Section):

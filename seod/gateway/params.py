@@ -73,6 +73,8 @@ class DriveParams(AxisParams):
     volts: _Finite
     duration: _Positive
     """[s]"""
+    stay: bool = False
+    """Hold it where the drive has brought it, not where it began."""
 
 
 class AuthenticateParams(Params):

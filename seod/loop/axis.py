@@ -114,7 +114,7 @@ class Axis:
         swing = self.mode.swing if relay else None
         return self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
 
-    def drive(self, t: float, volts: float, duration: float, stay: bool = False) -> str | None:
+    def drive(self, t: float, volts: float, duration: float, stay: float = 0) -> str | None:
         """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not.
 
         With `stay` it is held where the drive has brought it.
@@ -125,7 +125,7 @@ class Axis:
         if not 0.0 < duration <= limits.excitation:
             longest = f"limits.excitation = {limits.excitation:g} s"
             return f"{self.name}: duration must be > 0 and at most {longest}"
-        self.stays = stay
+        self.stays = bool(stay)
         return self.start(t, (volts, duration))
 
     def start(self, t: float, driven: tuple[float, float] | None = None, waiting: bool = False) -> str | None:
