@@ -83,6 +83,13 @@ def test_a_known_lag_of_the_sensor_is_taken_back(zeta: float, omega_n: float, la
     assert abs(ignored[1]) > 1e-2
 
 
+def test_a_hysteresis_is_one_of_the_lagging_signal() -> None:
+    """The relay turns where the smaller signal crosses it: the motion is further then."""
+    rows = LaggingLoop(0.21, 117.0, 4e-3, hysteresis=0.12).rows(2.5)
+    found = answers(rows, settings(lag_s=4e-3, hysteresis=0.12))
+    assert bias(found, 0.21, 117.0) == pytest.approx((0.0, 0.0), abs=4e-3)
+
+
 @pytest.mark.parametrize(("zeta", "omega_n"), PLANTS)
 @pytest.mark.parametrize("cutoff", [60.0, 200.0])
 def test_the_low_pass_before_the_relay_leaves_exact_unbiased(
