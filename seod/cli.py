@@ -320,6 +320,26 @@ def reset(client: Client, axis: Axis = None) -> None:
     client.reset(axis)
 
 
+@client_command
+def ramp(
+    client: Client,
+    low: Annotated[float, typer.Option("--from", min=0.0, metavar="V", help="Smallest e_a.")],
+    high: Annotated[float, typer.Option("--to", min=0.0, metavar="V", help="Largest e_a.")],
+    axis: Axis = None,
+    steps: Annotated[int, typer.Option(min=2, max=100, help="Amplitudes.")] = 8,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
+) -> None:
+    """Raise e_a in steps: smallest clean amplitude, zeta and omega_n over e_a."""
+    from seod.calibrate import ramp as procedure  # noqa: PLC0415 - numerics
+    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+
+    try:
+        procedure.run(client, axis, low, high, steps, plot, as_json)
+    except CalibrationError as error:
+        raise CommandError(str(error)) from error
+
+
 def main() -> None:
     """Entry point of the command `seod`."""
     app()
