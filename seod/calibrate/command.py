@@ -103,11 +103,23 @@ def calibrate_axis(
     try:
         results = [_measure(rig, name, axis, console)]
         for number in range(1, pressures):
-            console.input(f"Set supply pressure {number + 1} of {pressures}, then press Enter. ")
+            wait_for_pressure(console, number + 1, pressures)
             results.append(_measure(rig, name, axis, console))
     finally:
         client.set(name, bias=bias)
     return results[0], by_pressure([result.static for result in results])
+
+
+def wait_for_pressure(console: Console, number: int, pressures: int) -> None:
+    """Ask for the next supply pressure.
+
+    Raises:
+        CalibrationError: Nobody is there.
+    """
+    try:
+        console.input(f"Set supply pressure {number} of {pressures}, then press Enter. ")
+    except EOFError:
+        raise CalibrationError("nobody can be asked to change the pressure") from None
 
 
 def _measure(rig: RemoteRig, name: str, axis: AxisConfig, console: Console) -> Result:

@@ -110,7 +110,9 @@ class Procedure:
         low, high = plan.travel
         self.room = ROOM * min(high - self.start, self.start - low)
         if self.room <= 0.0:
-            raise CalibrationError(f"the actuator stands at {self.start:.4g}, outside of limits.travel")
+            raise CalibrationError(
+                f"it stands at {self.start:.4g}: limits.travel leaves no room to both sides"
+            )
 
     def run(self) -> Result:
         """All of it; the actuator ends where it stood.
