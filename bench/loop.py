@@ -1,116 +1,283 @@
-"""The loop at 2 kHz on the virtual rig beside a bare loop and cyclictest: wake-up lateness, cost of a tick.
+"""The loop on the virtual rig: how late it wakes up, what a tick costs, how fast it can go.
 
-Each figure comes from alternating runs in this process (cyclictest: its own): the machine's noise meets
-all of them alike. Usage: python bench/loop.py [pairs] [seconds]
+    python bench/loop.py [PART ...] [--pairs 10] [--seconds 1.5] [--quick] [--plots DIR]
+
+Parts (all of them if none is named):
+    lateness  the loop at 2 kHz, a bare Python loop and cyclictest, in turns, all SCHED_FIFO 50
+    phases    where the time of a tick goes
+    axes      the same for 1 to 8 axes, with a straight line through it
+    rate      ticks more than a period late at 1 to 10 kHz, beside an empty loop in C
+
+All programs of a part take turns, so that the machine's noise meets all of them alike. Latencies are whole
+microseconds, rounded down, as cyclictest counts them. The default takes about two minutes, `--quick` 25 s.
 """
 
 from __future__ import annotations
 
-import re
-import shutil
+import argparse
+import os
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
+from collections import defaultdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from drivers.virtual import VirtualDriver, VirtualOptions
-from seod.config.load import load_rig
-from seod.loop.pacer import TimerPacer
-from seod.loop.tick import Loop, input_channels
-from seod.paths import configs_dir
+import numpy as np
+
+from seod.latency import Latencies, count_seconds, parse_cyclictest
+from seod.machine import read_machine
+from seod.measure_latency import PRIORITY, MeasureError, make_loop, run_bare, run_cyclictest, run_loop
 from seod.realtime import enter_realtime
-from seod.ring import Shared
+from seod.ring import AxisState
 
-PRIORITY = 50
+if TYPE_CHECKING:
+    from seod.loop.tick import Loop
+
 RATE = 2000.0
+RATES = (1000.0, 2000.0, 4000.0, 5000.0, 8000.0, 10_000.0)
+AXES = range(1, 9)
+QUANTILES = (0.5, 0.99, 0.999)
+PHASES = ("read", "sense", "obey", "inspect", "command", "write", "log", "meter")
 
 
-def quantile(sorted_values: list[float], q: float) -> float:
-    return sorted_values[min(len(sorted_values) - 1, int(q * len(sorted_values)))]
+def check_excited(loop: Loop) -> None:
+    """Figures of a loop that has stopped would flatter it."""
+    for axis in loop.axes:
+        if axis.state is not AxisState.EXCITING:
+            sys.exit(f"{axis.name} is {axis.state.name}: {list(loop.shared.events.take())}")
 
 
-def figures(lateness_s: list[float]) -> tuple[float, float, float]:
-    ordered = sorted(x * 1e6 for x in lateness_s)
-    return quantile(ordered, 0.5), quantile(ordered, 0.99), quantile(ordered, 0.999)
+def loop_latencies(loop: Loop, seconds: float) -> Latencies:
+    found = count_seconds("seod loop", run_loop(loop, seconds))
+    check_excited(loop)
+    return found
 
 
-def bare(seconds: float) -> list[float]:
-    pacer = TimerPacer(1 / RATE)
-    late = []
-    for _ in range(int(seconds * RATE)):
-        pacer.next()
-        late.append(pacer.lateness)
-    return late
+def run_c(program: str, seconds: float, rate: float) -> Latencies:
+    command = [program, str(rate), str(seconds), str(PRIORITY)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return Latencies("empty loop in C", parse_cyclictest(done.stdout).counts)
 
 
-def seod_loop(loop: Loop, seconds: float) -> tuple[list[float], list[float]]:
-    late, cost = [], []
-    loop.pacer.deadline = time.monotonic()  # type: ignore[attr-defined] # a TimerPacer
+def compile_c(folder: str) -> str:
+    program = f"{folder}/empty_loop"
+    source = Path(__file__).with_name("empty_loop.c")
+    subprocess.run(["gcc", "-O2", "-Wall", "-o", program, source], check=True)
+    return program
+
+
+def lateness(pairs: int, seconds: float) -> dict[str, Latencies]:
+    """Lateness at 2 kHz; returns what all runs of each program add up to."""
+    loop = make_loop()
+    run_loop(loop, 0.5)
+    runs: dict[str, list[Latencies]] = defaultdict(list)
+    for _ in range(pairs):
+        runs["bare loop"].append(count_seconds("bare Python loop", run_bare(seconds, RATE)))
+        runs["seod loop"].append(loop_latencies(loop, seconds))
+        try:
+            runs["cyclictest"].append(run_cyclictest(seconds, RATE))
+        except MeasureError as error:
+            sys.exit(str(error))
+    print(
+        f"lateness at {RATE:.0f} Hz [us], medians of {pairs} runs of {seconds:g} s      p50     p99   p99.9"
+    )
+    quantiles = {
+        name: np.array([[r.quantile(q) for q in QUANTILES] for r in all_]) for name, all_ in runs.items()
+    }
+    for name, values in quantiles.items():
+        print(f"  {name:<53}" + "".join(f"{value:>8.1f}" for value in np.median(values, axis=0)))
+    ratios = np.maximum(quantiles["seod loop"], 1) / np.maximum(quantiles["cyclictest"], 1)
+    for name, values in (
+        ("median", np.median(ratios, 0)),
+        ("lowest", ratios.min(0)),
+        ("highest", ratios.max(0)),
+    ):
+        print(
+            f"  {f'seod / cyclictest, {name} of the pairs':<53}"
+            + "".join(f"{value:>8.2f}" for value in values)
+        )
+    print("  goals (median): p99 1.2, p99.9 1.5")
+    sums = {name: sum(all_[1:], all_[0]) for name, all_ in runs.items()}
+    for name, total in sums.items():
+        print(f"  {name}: all {total.total} wake-ups: p99.9 {total.quantile(0.999)}, worst {total.worst} us")
+    return sums
+
+
+class Stopwatch:
+    """Adds up the time [us] that named calls take, tick by tick."""
+
+    def __init__(self) -> None:
+        self.spent = dict.fromkeys(PHASES, 0)
+        self.calls = dict.fromkeys(PHASES, 0)
+
+    def watch(self, phase: str, owner: object, method: str) -> None:
+        call, spent, calls, clock = getattr(owner, method), self.spent, self.calls, time.perf_counter_ns
+
+        def timed(*arguments):
+            start = clock()
+            result = call(*arguments)
+            spent[phase] += clock() - start
+            calls[phase] += 1
+            return result
+
+        setattr(owner, method, timed)
+
+    def lap(self, overhead_ns: float) -> list[float]:
+        """Time of each phase since the last lap [us], without that of the clock itself."""
+        found = [(self.spent[p] - overhead_ns * self.calls[p]) / 1e3 for p in PHASES]
+        self.spent.update(dict.fromkeys(PHASES, 0))
+        self.calls.update(dict.fromkeys(PHASES, 0))
+        return found
+
+
+def clock_overhead_ns() -> float:
+    watch = Stopwatch()
+
+    class Nothing:
+        def read(self) -> None: ...
+
+    nothing = Nothing()
+    watch.watch("read", nothing, "read")
+    laps = []
+    for _ in range(2000):
+        nothing.read()
+        laps.append(1e3 * watch.lap(0.0)[0])
+    return statistics.median(laps)
+
+
+def phases(seconds: float) -> dict[str, float]:
+    """Median time of each phase of a tick, one axis [us]."""
+    loop = make_loop()
+    run_loop(loop, 0.5)
+    watch = Stopwatch()
+    for phase, owner, method in (
+        ("read", loop.driver, "read"),
+        ("obey", loop, "obey"),
+        ("inspect", loop, "inspect"),
+        ("inspect", loop, "inspect_commands"),
+        ("write", loop, "write"),
+        ("log", loop.log, "flush"),
+        ("log", loop.log, "keep"),
+        ("meter", loop.meter, "note"),
+        *(("sense", axis, "sense") for axis in loop.axes),
+        *(("command", axis, "command") for axis in loop.axes),
+    ):
+        watch.watch(phase, owner, method)
+    overhead, laps = clock_overhead_ns(), []
+    loop.pacer.deadline = time.monotonic()
     for _ in range(int(seconds * RATE)):
         t = loop.pacer.next()
         loop.tick(t)
         loop.meter.note(t, loop.pacer, loop.samples)
-        cost.append(time.monotonic() - t)
-        late.append(loop.pacer.lateness)
-    return late, cost
-
-
-def cyclictest(seconds: float) -> tuple[float, float, float] | None:
-    if shutil.which("cyclictest") is None:
-        return None
-    command = f"cyclictest -q -m -p {PRIORITY} -i {int(1e6 / RATE)} -l {int(seconds * RATE)} -h 20000"
-    out = subprocess.run(command.split(), capture_output=True, text=True, check=True).stdout
-    counts = [(int(a), int(b)) for a, b in re.findall(r"^(\d{6}) (\d{6,})", out, re.MULTILINE)]
-    values = sorted(us for us, count in counts for _ in range(count))
-    return quantile(values, 0.5), quantile(values, 0.99), quantile(values, 0.999)  # type: ignore[arg-type] # ints
-
-
-def make_loop() -> Loop:
-    config = load_rig(configs_dir() / "virtual.yaml")
-    driver = VirtualDriver(VirtualOptions.model_validate(config.driver), time.monotonic)
-    driver.open(input_channels(config), [o.channel for o in config.outputs.values()])
-    driver.start()
-    return Loop(config, driver, Shared(len(config.axes), 4096), TimerPacer(1 / RATE), 1)
-
-
-def line(name: str, values: list[tuple[float, float, float]]) -> tuple[float, ...]:
-    medians = tuple(statistics.median(column) for column in zip(*values, strict=True))
-    print(f"  {name:<22}" + "".join(f"{value:>10.1f}" for value in medians))
+        laps.append(watch.lap(overhead))
+    check_excited(loop)
+    medians = dict(zip(PHASES, np.median(laps, axis=0), strict=True))
+    print(f"phases of a tick, one axis [us], medians of {len(laps)} ticks")
+    print(
+        "  "
+        + ", ".join(f"{name} {us:.1f}" for name, us in medians.items())
+        + f"; sum {sum(medians.values()):.1f}"
+    )
     return medians
 
 
+def tick_costs(loop: Loop, seconds: float) -> list[float]:
+    """What each tick takes, all but waiting [us]."""
+    costs = []
+    loop.pacer.deadline = time.monotonic()
+    for _ in range(int(seconds * RATE)):
+        t = loop.pacer.next()
+        loop.tick(t)
+        loop.meter.note(t, loop.pacer, loop.samples)
+        costs.append(1e6 * (time.monotonic() - t))
+    check_excited(loop)
+    return costs
+
+
+def axes(rounds: int, seconds: float) -> dict[int, list[float]]:
+    """Median cost of a tick [us], for 1 to 8 axes, one for each round."""
+    loops = {count: make_loop(count) for count in AXES}
+    for loop in loops.values():
+        run_loop(loop, 0.2)
+    found: dict[int, list[float]] = defaultdict(list)
+    tails: dict[int, list[np.ndarray]] = defaultdict(list)
+    for _ in range(rounds):
+        for count, loop in loops.items():
+            costs = tick_costs(loop, seconds)
+            found[count].append(float(np.median(costs)))
+            tails[count].append(np.quantile(costs, (0.1, 0.99)))
+    medians = [statistics.median(found[count]) for count in AXES]
+    slope, offset = np.polyfit(list(AXES), medians, 1)
+    off = np.max(np.abs(np.polyval([slope, offset], list(AXES)) / medians - 1.0))
+    print(
+        f"tick, all but waiting [us], medians of {rounds} rounds of {seconds:g} s (goal: one axis 20, linear)"
+    )
+    print("  axes   " + "".join(f"{count:>8}" for count in AXES))
+    print("  median " + "".join(f"{value:>8.1f}" for value in medians))
+    for name, column in (("p10", 0), ("p99", 1)):
+        values = [statistics.median(tail[column] for tail in tails[count]) for count in AXES]
+        print(f"  {name:<7}" + "".join(f"{value:>8.1f}" for value in values))
+    print(f"  line: {offset:.1f} + {slope:.1f} * axes, off by {100 * off:.0f} % at most")
+    return found
+
+
+def rate(rounds: int, seconds: float) -> dict[float, tuple[int, int, int]]:
+    """Late ticks of the loop and of the C loop, and how many ticks each was due, by rate."""
+    loops = {hz: make_loop(rate_hz=hz) for hz in RATES}
+    late = {hz: [0, 0, 0] for hz in RATES}
+    with tempfile.TemporaryDirectory() as folder:
+        program = compile_c(folder)
+        for _ in range(rounds):
+            for hz, loop in loops.items():
+                run_loop(loop, 0.05)
+                late[hz][0] += loop_latencies(loop, seconds).late(1e6 / hz)
+                late[hz][1] += run_c(program, seconds, hz).late(1e6 / hz)
+                late[hz][2] += int(seconds * hz)
+    print(
+        f"ticks over a period late, {rounds} runs of {seconds:g} s each, in turns (goal: 10 kHz within 2 x)"
+    )
+    print("   rate [Hz]       seod     C loop   of ticks  within 2 x")
+    for hz, (ours, theirs, ticks) in late.items():
+        print(
+            f"  {hz:>10.0f} {ours:>10} {theirs:>10} {ticks:>10}  {'yes' if ours <= 2 * theirs else 'no':>10}"
+        )
+    good = [hz for hz, (ours, theirs, _) in late.items() if ours <= 2 * theirs]
+    print(f"  highest rate within 2 x: {max(good, default=0):.0f} Hz")
+    return {hz: (ours, theirs, ticks) for hz, (ours, theirs, ticks) in late.items()}
+
+
 def main() -> None:
-    pairs = int(sys.argv[1]) if len(sys.argv) > 1 else 10
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 2.0
-    loop = make_loop()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = ("lateness", "phases", "axes", "rate")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"any of {', '.join(parts)}; all if left out"
+    )
+    parser.add_argument("--pairs", type=int, default=10)
+    parser.add_argument("--seconds", type=float, default=1.5, help="length of one run of `lateness`")
+    parser.add_argument("--quick", action="store_true", help="shorter runs: for a look, not for figures")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="write PNG plots there")
+    given = parser.parse_args()
+    if unknown := set(given.parts) - set(parts):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(parts)}")
+    pairs, seconds, rounds = (4, 0.6, 1) if given.quick else (given.pairs, given.seconds, 3)
     refused = enter_realtime(PRIORITY, None)
-    print(f"kernel {Path('/proc/version').read_text().split()[2]}, real-time: {refused or 'yes'}")
-    seod_loop(loop, 0.2)
-    loop.shared.commands.put({"id": 1, "op": "start", "axis": None, "values": {}})
-    seod_loop(loop, 1.0)
-    runs: dict[str, list[tuple[float, float, float]]] = {"bare loop": [], "seod loop": [], "cyclictest": []}
-    costs: list[float] = []
-    for _ in range(pairs):
-        runs["bare loop"].append(figures(bare(seconds)))
-        late, cost = seod_loop(loop, seconds)
-        runs["seod loop"].append(figures(late))
-        costs += cost
-        reference = cyclictest(seconds)
-        if reference is not None:
-            runs["cyclictest"].append(reference)
-    print(
-        f"lateness at {RATE:.0f} Hz [us], medians of {pairs} runs of {seconds:g} s    p50       p99     p99.9"
-    )
-    medians = {name: line(name, values) for name, values in runs.items() if values}
-    reference_name = "cyclictest" if "cyclictest" in medians else "bare loop"
-    ratios = [a / b for a, b in zip(medians["seod loop"], medians[reference_name], strict=True)]
-    print(f"  seod / {reference_name}: " + ", ".join(f"{ratio:.2f}" for ratio in ratios))
-    costs.sort()
-    print(
-        f"tick, all but waiting: median {quantile(costs, 0.5) * 1e6:.1f} us (goal 20), "
-        f"p99 {quantile(costs, 0.99) * 1e6:.1f} us; state {loop.axes[0].state.name}"
-    )
+    print(read_machine().describe())
+    print(f"SCHED_FIFO {PRIORITY}: {'; '.join(refused) or 'yes'}; load average {os.getloadavg()[0]:.1f}")
+    work = {
+        "lateness": lambda: lateness(pairs, seconds),
+        "phases": lambda: phases(1.0 if given.quick else 3.0),
+        "axes": lambda: axes(rounds, 0.4 if given.quick else 1.0),
+        "rate": lambda: rate(2 if given.quick else 5, 0.4 if given.quick else 1.0),
+    }
+    found = {name: run() for name, run in work.items() if not given.parts or name in given.parts}
+    if given.plots:
+        import plots
+
+        for path in plots.draw(found, given.plots, read_machine().describe()):
+            print(f"wrote {path}")
 
 
 if __name__ == "__main__":

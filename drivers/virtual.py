@@ -68,6 +68,7 @@ class VirtualDriver(Driver):
         return (
             *(Channel(plant.input, "output", "V") for plant in plants),
             *(Channel(plant.output, "input") for plant in plants),
+            *(Channel(name, "input") for name in simulation.index_channels),
             *(Channel(name, "input") for name in simulation.constants),
         )
 

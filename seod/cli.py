@@ -168,6 +168,50 @@ def rig(
 
 
 @app.command()
+def latency(
+    duration: Annotated[
+        float, typer.Option("--for", min=0.1, metavar="S", help="Measure for this long.")
+    ] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
+) -> None:
+    """Show how late this machine and the loop wake up, and what to change."""
+    from seod.measure_latency import MeasureError, measure  # noqa: PLC0415 - the whole loop
+
+    with plain_errors():
+        try:
+            report = measure(duration)
+        except MeasureError as error:
+            raise CommandError(str(error)) from error
+        show(json.dumps(report.as_json()) if as_json else report.as_text())
+
+
+@app.command()
+def calibrate(
+    path: ConfigPath,
+    axis: Annotated[str | None, typer.Option(help="This axis alone.")] = None,
+    pressures: Annotated[
+        int, typer.Option(min=1, help="Measure at so many supply pressures; asks for each.")
+    ] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the change, write nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Move and write without asking.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
+) -> None:
+    """Measure polarity, K_L, null, deadband and delay; write them into the rig file."""
+    from seod.calibrate import shell  # noqa: PLC0415 - numerics
+    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+
+    with plain_errors():
+        config = load(path)
+        if axis is not None and axis not in config.axes:
+            raise CommandError(f"no axis {axis!r}; {path} has {', '.join(config.axes)}")
+        try:
+            axes = list(config.axes) if axis is None else [axis]
+            shell.calibrate(config, path, axes, pressures, shell.Wishes(dry_run, yes, as_json))
+        except (CalibrationError, OSError) as error:
+            raise CommandError(str(error)) from error
+
+
+@app.command()
 def check(path: ConfigPath) -> None:
     """Validate a rig file and compute its bus load."""
     from seod.config.check import check as judge  # noqa: PLC0415
@@ -223,7 +267,7 @@ def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | st
         try:
             values[name] = float(value)
         except ValueError:
-            values[name] = value
+            values[name] = {"true": True, "false": False}.get(value, value)
     return axis, values
 
 
@@ -236,7 +280,7 @@ Assignments = Annotated[
     list[str],
     typer.Argument(
         metavar="[AXIS] NAME=VALUE...",
-        help="e_a, bias [V], hysteresis [axis unit], K_L or method.",
+        help="e_a, bias [V], hysteresis [axis unit], K_L, method; in velocity mode reference, trim=false.",
         callback=_check_assignments,
     ),
 ]
@@ -271,9 +315,29 @@ def estop(client: Client) -> None:
 
 
 @client_command
-def reset(client: Client) -> None:
-    """Leave the fault; starts a new loop where it has died."""
-    client.reset()
+def reset(client: Client, axis: Axis = None) -> None:
+    """Leave the fault, of an axis or of all; starts a new loop where it has died."""
+    client.reset(axis)
+
+
+@client_command
+def ramp(
+    client: Client,
+    low: Annotated[float, typer.Option("--from", min=0.0, metavar="V", help="Smallest e_a.")],
+    high: Annotated[float, typer.Option("--to", min=0.0, metavar="V", help="Largest e_a.")],
+    axis: Axis = None,
+    steps: Annotated[int, typer.Option(min=2, max=100, help="Amplitudes.")] = 8,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
+) -> None:
+    """Raise e_a in steps: smallest clean amplitude, zeta and omega_n over e_a."""
+    from seod.calibrate import ramp as procedure  # noqa: PLC0415 - numerics
+    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+
+    try:
+        procedure.run(client, axis, low, high, steps, plot, as_json)
+    except CalibrationError as error:
+        raise CommandError(str(error)) from error
 
 
 def main() -> None:

@@ -210,7 +210,10 @@ class Client:
         return self.call("get", axis=axis)
 
     def set(self, axis: str | None = None, **values: float | str) -> Message:
-        """Change e_a [V], hysteresis, bias [V], K_L or method of an axis; returns its settings."""
+        """Change e_a [V], hysteresis, bias [V], K_L or method of an axis; returns its settings.
+
+        In velocity mode also `reference` [axis unit/s] and `trim` (True or False).
+        """
         return self.call("set", axis=axis, **values)
 
     def start(self, axis: str | None = None) -> Message:
@@ -221,13 +224,22 @@ class Client:
         """End the excitation of an axis, or all; it goes back to where it stood."""
         return self.call("stop", axis=axis)
 
+    def drive(self, axis: str | None, volts: float, duration: float, stay: bool = False) -> Message:
+        """Put a voltage on an axis, open loop, for `duration` [s]; the guard stays, then it is held.
+
+        It is held where it began, or where it has come to (`stay`).
+
+        Returns at once; the `state` events tell when it is over. The axis must be idle.
+        """
+        return self.call("drive", axis=axis, volts=volts, duration=duration, stay=stay)
+
     def estop(self) -> Message:
         """Neutral at once; needs a reset afterwards."""
         return self.call("estop")
 
-    def reset(self) -> Message:
-        """Leave the fault; starts a new loop where it has died."""
-        return self.call("reset")
+    def reset(self, axis: str | None = None) -> Message:
+        """Leave the fault, of an axis or of all; starts a new loop where it has died."""
+        return self.call("reset", axis=axis)
 
     def keepalive(self) -> Message:
         """Tell a rig with `guard.dead_man` that somebody is still there."""

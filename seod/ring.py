@@ -63,8 +63,11 @@ class AxisState(IntEnum):
     FAULT = 4
 
 
-AXIS_FIELDS = ("t", "y", "reference", "u", "t_u", "e_a", "bias", "signal")
-"""Float fields of an axis in a row: see `seod.estimate.base.Row`; `signal` is the relay's input e."""
+AXIS_FIELDS = ("t", "y", "reference", "u", "t_u", "e_a", "bias", "signal", "ps", "temperature", "K_L")
+"""Float fields of an axis in a row: see `seod.estimate.base.Row`; `signal` is the relay's input.
+
+`ps` [Pa] and `temperature` [K] are nan where no sensor tells them; `K_L` is the gain in force.
+"""
 
 FLAG_EXCITING = 1
 """The relay is on at full amplitude."""
@@ -72,6 +75,8 @@ FLAG_FRESH = 2
 """A new sample arrived for this tick."""
 FLAG_LIMITED = 4
 """The guard clipped the command."""
+FLAG_SATURATED = 8
+"""The sample lies where its sensor clips."""
 
 
 def bin_edges_us() -> list[float]:

@@ -51,8 +51,14 @@ def event(e: Message) -> str:
 
 
 def settings(values: Message) -> str:
-    """`e_a = 1.5, method = exact`."""
-    return ", ".join(f"{name} = {v if isinstance(v, str) else number(v, 6)}" for name, v in values.items())
+    """`e_a = 1.5, trim = true, method = exact`."""
+    return ", ".join(f"{name} = {_setting(value)}" for name, value in values.items())
+
+
+def _setting(value: bool | float | str | None) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else number(value, 6)
 
 
 def health(h: Message) -> str:

@@ -54,8 +54,8 @@ class Board:
         self.events = [*self.events, event(params)][-EVENTS_SHOWN:]
         named = self.axes.get(params.get("axis") or "")
         if params["event"] == "fault":
-            for axis in self.axes.values():
-                axis.update(state="fault", fault=params)
+            for name in params.get("latched", self.axes):
+                self.axes[name].update(state="fault", fault=params)
         elif params["event"] == "state" and named is not None:
             named["state"] = params["state"]
             if params["state"] != "fault":

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ConfigDict, TypeAdapter
 
-from sim.config import Finite
 from sim.faults import KINDS, Fault
+from sim.sensor_config import Finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection

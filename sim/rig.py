@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from sim.config import PlantConfig
 from sim.plant import LinearPlant, Sensor
+from sim.sensors import make_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -48,6 +49,7 @@ class Actuator:
         self.watchdog_s = watchdog_s
         self.plant = LinearPlant(config.K_L, config.omega_n, config.zeta, position=config.position)
         self.sensor = Sensor(config.noise, config.resolution, random)
+        self.kind = make_sensor(config.sensor, config.measures == "velocity")
         self._adopt(config)
         self.t = t
         self.voltage = NEUTRAL
@@ -109,7 +111,13 @@ class Actuator:
     def measure(self, t: float) -> float:
         """What the sensor says at `t` [s]."""
         self.advance(t)
-        return self.sensor.read(self.plant.position)
+        value = self.kind.sense(self.t, self.plant.position, self.plant.velocity)
+        return self.kind.number(self.sensor.read(value))
+
+    def mark(self, t: float) -> float:
+        """1 where the encoder's index mark passed since the last reading, at `t` [s]; else 0."""
+        self.advance(t)
+        return self.kind.mark(self.plant.position)
 
     def change(self, t: float, values: Mapping[str, object]) -> None:
         """Have other parameters from `t` [s] on; `position` moves the load there at once.
@@ -117,7 +125,7 @@ class Actuator:
         Raises:
             ValueError: An unknown parameter or an impossible value; it is named.
         """
-        fixed = {"input", "output"} & set(values)
+        fixed = {"input", "output", "sensor", "measures"} & set(values)
         if fixed:
             raise ValueError(f"{', '.join(sorted(fixed))} cannot change while the rig runs")
         config = PlantConfig.model_validate_json(json.dumps({**self.config.model_dump(), **values}))
@@ -159,7 +167,9 @@ class SimulatedRig:
         }
         self.constants = dict(config.constants)
         self._by_input = {a.config.input: a for a in self.actuators.values()}
-        self._by_output = {a.config.output: a for a in self.actuators.values()}
+        actuators = self.actuators.values()
+        self._readings = {a.config.output: a.measure for a in actuators}
+        self._readings.update({a.config.index_channel: a.mark for a in actuators if a.config.index_channel})
 
     def amplifier(self, channel: str) -> Callable[[float, float], None]:
         """The function (t, volts) that commands this channel.
@@ -173,15 +183,15 @@ class SimulatedRig:
         """The function of t that reads this channel.
 
         Raises:
-            KeyError: Neither a plant's output nor a constant.
+            KeyError: Neither a plant's output, nor an index mark, nor a constant.
         """
         if channel in self.constants:
             return lambda _t: self.constants[channel]
-        return self._by_output[channel].measure
+        return self._readings[channel]
 
     def sensor_channels(self) -> list[str]:
-        """Channels that can be read: plants' outputs, then constants."""
-        return [*self._by_output, *self.constants]
+        """Channels that can be read: plants' outputs, index marks, then constants."""
+        return [*self._readings, *self.constants]
 
     def apply(self, t: float, volts: Mapping[str, float]) -> None:
         """Take the commands that came at `t` [s]; channels that no plant has are not ours and let go."""
@@ -192,7 +202,7 @@ class SimulatedRig:
 
     def measure(self, t: float) -> dict[str, float]:
         """What every sensor says at `t` [s], constants included."""
-        readings = {channel: a.measure(t) for channel, a in self._by_output.items()}
+        readings = {channel: read(t) for channel, read in self._readings.items()}
         readings.update(self.constants)
         return readings
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from seod.config.errors import ConfigError, KeyPath, dotted
 from seod.config.model import LoopConfig
+from seod.config.sensors import SensorConfig, sensor_or_none
 from seod.config.translate import at, show
 from sim.config import SimulationConfig
 
@@ -64,6 +65,10 @@ class Draft:
             self._sections[path] = validated(model, {} if value is None else value)
         found = self._sections[path]
         return found if isinstance(found, model) else None
+
+    def sensor(self, name: str | None) -> SensorConfig | None:
+        """A sensor by its name; None if it is not valid."""
+        return sensor_or_none(json.dumps(self.raw("sensors", name or "")))
 
     @property
     def period(self) -> float | None:

@@ -14,6 +14,7 @@ from seod.config.access import check_access
 from seod.config.draft import Draft
 from seod.config.errors import ConfigError, ConfigErrors, dotted, suggest
 from seod.config.model import CONFIG_VERSION, RigConfig
+from seod.config.modes import check_modes
 from seod.config.numbers import check_numbers
 from seod.config.translate import show, translate
 from seod.config.wiring import check_wiring
@@ -86,7 +87,7 @@ def load_text(text: str, name: str, directory: Path) -> RigConfig:
         raise ConfigErrors(early)
     problems = _problems(draft)
     known = {(error.line, error.key) for error in problems}
-    rules = (_shape, _driver, check_wiring, check_numbers, check_access)
+    rules = (_shape, _driver, check_wiring, check_modes, check_numbers, check_access)
     found = [error for rule in rules for error in rule(draft)]
     errors = problems + [error for error in found if (error.line, error.key) not in known]
     if errors:

@@ -8,65 +8,41 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import Field
 
-from seod.config.errors import suggest
-from seod.config.units import UNITS, parse_quantity, units_of
+from seod.config.calibration import CalibrationConfig
+from seod.config.gain import Gain
+from seod.config.section import (
+    FINITE,
+    POSITIVE,
+    Hertz,
+    Measured,
+    Name,
+    NonNegativePosition,
+    NonNegativeSeconds,
+    PositiveAcceleration,
+    PositiveMeasured,
+    PositivePosition,
+    PositiveSpeed,
+    PositiveVoltage,
+    Scale,
+    Seconds,
+    Section,
+    Slew,
+    Speed,
+    Voltage,
+    quantity,
+)
+from seod.config.sensors import SensorConfig
 from sim.config import SimulationConfig
 
 CONFIG_VERSION = 1
 
 
-def _quantity(*dimensions: str) -> Any:
-    pattern = "^ *[-+]?[0-9.]+([eE][-+]?[0-9]+)? *(" + "|".join(units_of(*dimensions)) + ") *$"
-    return (
-        BeforeValidator(lambda value: parse_quantity(value, *dimensions)),
-        WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": pattern}]}),
-    )
-
-
-def _known_unit(unit: str) -> str:
-    if unit not in UNITS:
-        raise ValueError(f"unknown unit {unit!r}; {suggest(unit, filter(None, UNITS), 'units')}")
-    return unit
-
-
-def _not_zero(scale: float) -> float:
-    if scale == 0:
-        raise ValueError("must not be 0: nothing would get through")
-    return scale
-
-
-_FINITE = Field(allow_inf_nan=False)
-_POSITIVE = Field(gt=0, allow_inf_nan=False)
-_NON_NEGATIVE = Field(ge=0, allow_inf_nan=False)
-
-Voltage = Annotated[float, *_quantity("voltage"), _FINITE]
-PositiveVoltage = Annotated[float, *_quantity("voltage"), _POSITIVE]
-Slew = Annotated[float, *_quantity("slew rate"), _POSITIVE]
-Position = Annotated[float, *_quantity("angle", "length"), _FINITE]
-PositivePosition = Annotated[float, *_quantity("angle", "length"), _POSITIVE]
-NonNegativePosition = Annotated[float, *_quantity("angle", "length"), _NON_NEGATIVE]
-PositiveSpeed = Annotated[float, *_quantity("angular speed", "speed"), _POSITIVE]
-Seconds = Annotated[float, *_quantity("time"), Field(gt=0, le=1e6)]
-NonNegativeSeconds = Annotated[float, *_quantity("time"), Field(ge=0, le=1e6)]
-Hertz = Annotated[float, *_quantity("frequency"), _POSITIVE]
-Scale = Annotated[float, _FINITE, AfterValidator(_not_zero)]
-Unit = Annotated[str, AfterValidator(_known_unit), WithJsonSchema({"enum": [unit for unit in UNITS if unit]})]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
-"""What the user calls an axis, a sensor or an output: becomes a word in commands and column headers."""
-
-
-class Section(BaseModel):
-    """A mapping of the rig file: unknown keys are errors, nothing is converted silently."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
-
-
 class LoopConfig(Section):
     """Timing of the loop."""
 
-    rate_hz: Annotated[float, *_quantity("frequency"), Field(ge=100, le=10_000)] = 2000.0
+    rate_hz: Annotated[float, *quantity("frequency"), Field(ge=100, le=10_000)] = 2000.0
     """Ticks per second."""
     pace: Literal["timer", "sensor"] = "timer"
     """`timer`: a tick each period. `sensor`: a tick at each sample of the first axis' sensor."""
@@ -78,19 +54,6 @@ class LoopConfig(Section):
     """The supervisor writes neutral and fences the loop when no tick came for this long."""
 
 
-class SensorConfig(Section):
-    """A channel made into a physical quantity: value = (raw * scale + offset) in `unit`."""
-
-    channel: str
-    """Input channel of the driver."""
-    unit: Unit
-    """Unit of the scaled value; converted to SI inside."""
-    scale: Scale = 1.0
-    """`unit` per unit of the channel."""
-    offset: Annotated[float, _FINITE] = 0.0
-    """In `unit`."""
-
-
 class OutputConfig(Section):
     """A command voltage made into a channel's number: raw = V * scale + offset."""
 
@@ -100,12 +63,12 @@ class OutputConfig(Section):
     """Unit in which `scale` takes the voltage."""
     scale: Scale = 1.0
     """Channel's number per `unit`; negative for an actuator wired the other way round."""
-    offset: Annotated[float, _FINITE] = 0.0
+    offset: Annotated[float, FINITE] = 0.0
     """Channel's number at 0 V."""
 
 
 class RelayConfig(Section):
-    """The relay of Fig. 2."""
+    """The relay of Fig. 2, or of Fig. 6b."""
 
     e_a: PositiveVoltage
     """Amplitude of the relay."""
@@ -129,14 +92,17 @@ class ExcitationConfig(Section):
 
 
 class HoldConfig(Section):
-    """The position hold that brings the actuator back to where it stood at start."""
+    """The hold that brings the actuator back to where it stood at start; in velocity mode, to its speed."""
 
-    bandwidth: Annotated[float, *_quantity("angular speed"), _POSITIVE] = 5.0
+    bandwidth: Annotated[float, *quantity("angular speed"), POSITIVE] = 5.0
     """K_L times the proportional gain [rad/s]."""
     output: PositiveVoltage | None = None
     """Limit of its output; e_a where left out."""
-    tolerance: PositivePosition | None = None
-    """Within this of the start the hold ends; where left out, a tenth of limits.amplitude."""
+    tolerance: PositiveMeasured | None = None
+    """Within this of the start the hold ends; where left out, a tenth of limits.amplitude.
+
+    In velocity mode within this of the wanted speed; where left out, half of K_L e_a.
+    """
     timeout: Seconds = 3.0
     """The hold ends after this, wherever it is."""
 
@@ -150,8 +116,8 @@ class PolarityConfig(Section):
     """Height; e_a where left out."""
     duration: Seconds = 0.05
     """Longest pulse; it ends early once the movement is seen."""
-    movement: PositivePosition
-    """Movement that counts as seen; must be well above the sensor's noise."""
+    movement: PositiveMeasured
+    """Movement (in velocity mode: speed) that counts as seen; must be well above the sensor's noise."""
 
 
 class LimitsConfig(Section):
@@ -161,12 +127,15 @@ class LimitsConfig(Section):
     """Largest voltage, either way."""
     slew: Slew | None = None
     """Fastest change of the voltage."""
-    travel: tuple[Position, Position]
-    """Lowest and highest position."""
-    speed: PositiveSpeed
-    """Highest speed, either way."""
+    travel: tuple[Measured, Measured]
+    """Lowest and highest position; in velocity mode, lowest and highest speed."""
+    speed: PositiveSpeed | None = None
+    """Highest speed, either way; in velocity mode `travel` tells it."""
     amplitude: PositivePosition
-    """Half the peak-to-peak movement within one second of excitation."""
+    """Half the peak-to-peak movement within one second of excitation.
+
+    In velocity mode that of the relay's input, the integral of the speed's error.
+    """
     growth: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.0
     """Largest growth of the limit cycle within a second or a few periods, once it is at its amplitude."""
     excitation: Seconds
@@ -189,14 +158,24 @@ class EstimatorConfig(Section):
 class AxisConfig(Section):
     """One actuator with its sensor, output, relay, estimator and limits."""
 
-    mode: Literal["position"] = "position"
-    """What the relay controls (Fig. 2)."""
+    mode: Literal["position", "velocity"] = "position"
+    """What the relay controls: the position (Fig. 2), or a speed (Fig. 6b)."""
     sensor: str
-    """Name of its position sensor under `sensors`."""
+    """Name of its sensor under `sensors`: of position, or in velocity mode of speed."""
     output: str
     """Name of its output under `outputs`."""
-    K_L: Annotated[float, _POSITIVE]
-    """Gain [SI unit of the sensor per second and volt]."""
+    K_L: Gain
+    """Gain [SI unit of the position per second and volt]: a number, or a function of supply pressure."""
+    supply_pressure: str | None = None
+    """Name of a sensor of pressure under `sensors`."""
+    temperature: str | None = None
+    """Name of a sensor of the oil's temperature under `sensors`; recorded beside the estimates."""
+    reference: Speed | None = None
+    """Velocity mode: the speed about which it oscillates."""
+    ramp: PositiveAcceleration | None = None
+    """Velocity mode: how fast the speed is changed; where left out, 2 e_a K_L per second."""
+    trim: bool = True
+    """Velocity mode: correct the bias behind the relay until both halves of a cycle are equally long."""
     relay: RelayConfig
     limits: LimitsConfig
     polarity: PolarityConfig
@@ -205,6 +184,8 @@ class AxisConfig(Section):
     """Cut-off of a first-order low-pass in front of the relay."""
     hold: HoldConfig = HoldConfig()
     estimator: EstimatorConfig = EstimatorConfig()
+    calibration: CalibrationConfig | None = None
+    """Written by `seod calibrate`."""
 
 
 class EstopConfig(Section):
@@ -212,7 +193,7 @@ class EstopConfig(Section):
 
     channel: str
     """Input channel of the driver."""
-    run: Annotated[float, _FINITE] = 1.0
+    run: Annotated[float, FINITE] = 1.0
     """Value that allows movement; any other value, or silence, is an e-stop."""
 
 
@@ -228,6 +209,11 @@ class OverrunConfig(Section):
 class GuardConfig(Section):
     """What stops the rig."""
 
+    fault_policy: Literal["rig", "axis"] = "rig"
+    """What a fault of one axis (travel, speed, sensor, polarity ...) stops: all axes, or that one alone.
+
+    E-stop, link, late ticks, a dead process and the dead man always stop all.
+    """
     stale: Seconds = 0.01
     """Oldest sample that may be acted on."""
     frozen: Seconds = 0.25
@@ -241,6 +227,15 @@ class GuardConfig(Section):
     estop: EstopConfig | None = None
     dead_man: Seconds | None = None
     """A client must call `keepalive` at least this often while a rig is excited."""
+
+
+class OrderConfig(Section):
+    """How `start` without an axis excites the axes of a rig."""
+
+    order: Literal["together", "in_turn"] = "together"
+    """All at once, or one after the other, round and round, while the others hold their position."""
+    turn: Seconds = 2.0
+    """How long each is excited in its turn."""
 
 
 class TlsConfig(Section):
@@ -281,6 +276,7 @@ class RigConfig(Section):
     sensors: dict[Name, SensorConfig] = Field(min_length=1)
     outputs: dict[Name, OutputConfig] = Field(min_length=1)
     axes: dict[Name, AxisConfig] = Field(min_length=1)
+    excitation: OrderConfig = OrderConfig()
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
     simulation: SimulationConfig | None = None

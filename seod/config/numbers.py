@@ -15,15 +15,22 @@ from seod.config.model import (
     OutputConfig,
     PolarityConfig,
     RelayConfig,
-    SensorConfig,
 )
-from seod.config.units import UNITS, parse_quantity
+from seod.config.sensors import (
+    AbsoluteEncoderConfig,
+    FvConverterConfig,
+    IncrementalEncoderConfig,
+    LinearScaleConfig,
+)
+from seod.config.units import UNITS, parse_quantity, to_si
+from seod.linkage import make_linkage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from seod.config.draft import Draft
     from seod.config.errors import ConfigError, KeyPath
+    from seod.config.sensors import SensorConfig
 
 
 def check_numbers(draft: Draft) -> Iterator[ConfigError]:
@@ -68,16 +75,19 @@ def _movements(draft: Draft, axis: str) -> Iterator[ConfigError]:
     polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
     if limits is None:
         return
+    velocity = draft.text("axes", axis, "mode") == "velocity"
     low, high = limits.travel
     if low >= high:
         message = "the lower end must come first and lie below the upper end"
         yield draft.wrong(("axes", axis, "limits", "travel"), message)
-    elif limits.amplitude > 0.5 * (high - low):
+    elif limits.amplitude > 0.5 * (high - low) and not velocity:
         message = f"must be at most half of limits.travel, {0.5 * (high - low):g}: it could never be reached"
         yield draft.wrong(("axes", axis, "limits", "amplitude"), message)
     below = f"must be below limits.amplitude = {limits.amplitude:g}"
     if relay and relay.hysteresis >= limits.amplitude:
         yield draft.wrong(("axes", axis, "relay", "hysteresis"), below)
+    if velocity:  # then these are speeds
+        return
     if polarity and polarity.movement >= limits.amplitude:
         yield draft.wrong(("axes", axis, "polarity", "movement"), below)
     if hold and hold.tolerance and hold.tolerance >= limits.amplitude:
@@ -141,15 +151,27 @@ def _output_range(draft: Draft, axis: str) -> Iterator[ConfigError]:
 def _sensor_range(draft: Draft, axis: str) -> Iterator[ConfigError]:
     """The channel can carry every position within limits.travel: a limit beyond it would never be seen."""
     limits = draft.section(LimitsConfig, "axes", axis, "limits")
-    sensor = draft.section(SensorConfig, "sensors", draft.text("axes", axis, "sensor") or "")
+    sensor = draft.sensor(draft.text("axes", axis, "sensor"))
     channel = (draft.channels or {}).get(sensor.channel) if sensor else None
     if limits is None or sensor is None or channel is None:
         return
-    ends = [sensor.scale * bound + sensor.offset for bound in (channel.minimum, channel.maximum)]
-    low, high = (end * UNITS[sensor.unit][1] for end in sorted(ends))
+    low, high = _readable(sensor, channel.minimum, channel.maximum)
     if not low <= limits.travel[0] < limits.travel[1] <= high and limits.travel[0] < limits.travel[1]:
         message = f"channel {channel.name!r} reads only {low:g} to {high:g}: the limit would never be seen"
         yield draft.wrong(("axes", axis, "limits", "travel"), message, "a narrower travel or another scale")
+
+
+def _readable(sensor: SensorConfig, minimum: float, maximum: float) -> tuple[float, float]:
+    """Lowest and highest value [SI] that a sensor can make of a channel's numbers."""
+    if isinstance(sensor, IncrementalEncoderConfig | AbsoluteEncoderConfig):
+        return -math.inf, math.inf  # goes on where the counter wraps
+    offset = -sensor.offset_v * sensor.scale if isinstance(sensor, FvConverterConfig) else sensor.offset
+    ends = [to_si(sensor.scale * bound + offset, sensor.unit) for bound in (minimum, maximum)]
+    if isinstance(sensor, LinearScaleConfig) and sensor.linkage is not None:
+        linkage = make_linkage(sensor.linkage, sensor.unit)
+        bounds = linkage.bounds
+        ends = [linkage.angle(max(bounds[0], min(bounds[1], end))) for end in ends]
+    return min(ends), max(ends)
 
 
 def _guard_times(draft: Draft) -> Iterator[ConfigError]:

@@ -45,6 +45,7 @@ _WORDING = {
     "tuple_type": "must be a list",
     "dict_type": "must be a mapping of keys to values",
     "model_type": "must be a mapping of keys to values",
+    "union_tag_not_found": "must name a kind",
     "model_attributes_type": "must be a mapping of keys to values",
 }
 """Pydantic's error type -> what would be right, with pydantic's names for the numbers."""
@@ -63,16 +64,22 @@ def translate(error: ValidationError, model: type[BaseModel], raw: Any) -> Itera
     """
     for detail in error.errors(include_url=False):
         path = _real_path(detail["loc"], raw, detail["type"])
+        if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            path = (*path, "kind")
         yield path, *_wording(detail, path, model, raw)
 
 
 def _wording(detail: ErrorDetails, path: KeyPath, model: type[BaseModel], raw: Any) -> tuple[str, str]:
     kind = detail["type"]
     if kind == "extra_forbidden":
-        known = fields_at(model, path[:-1])
+        known = fields_at(model, path[:-1], raw)
         return "unknown key", suggest(str(path[-1]), known, "keys here") if known else ""
     if kind == "missing" and isinstance(detail["loc"][-1], str):
-        return "missing", _described(model, path)
+        return "missing", _described(model, path, raw)
+    if kind == "union_tag_invalid":
+        kinds = [tag.strip().strip("'") for tag in detail["ctx"]["expected_tags"].split(",")]
+        written = at(raw, path)
+        return f"must name a kind, got {show(written)}", suggest(str(written), kinds, "kinds")
     if "[key]" in detail["loc"]:
         return "cannot be used as a name", "letters, digits, _ and -, starting with a letter, at most 32"
     message = _message(detail)
@@ -94,8 +101,8 @@ def _message(detail: ErrorDetails) -> str:
     return template.format(**plain)
 
 
-def _described(model: type[BaseModel], path: KeyPath) -> str:
-    field = fields_at(model, path[:-1]).get(str(path[-1]))
+def _described(model: type[BaseModel], path: KeyPath, raw: Any) -> str:
+    field = fields_at(model, path[:-1], raw).get(str(path[-1]))
     what = field.description.split(". ")[0].rstrip(".") if field and field.description else ""
     return f"add `{path[-1]}:`" + (f" ({what})" if what else "")
 
@@ -132,12 +139,29 @@ def _real_path(location: tuple[str | int, ...], raw: Any, kind: str) -> KeyPath:
     return (*path, location[-1]) if lost_key else tuple(path)
 
 
-def fields_at(model: type[BaseModel], path: KeyPath) -> dict[str, FieldInfo]:
-    """The fields that a model knows at a path; empty where that cannot be told."""
+def fields_at(model: type[BaseModel], path: KeyPath, raw: Any = None) -> dict[str, FieldInfo]:
+    """The fields that a model knows at a path; empty where that cannot be told.
+
+    Where the path leads to one of several kinds, `raw` tells by its `kind` which of them counts.
+    """
     annotation: Any = model
     for part in path:
         annotation = _step(annotation, part)
-    return {name: field for found in _models(annotation) for name, field in found.model_fields.items()}
+    models = _of_kind(_models(annotation), at(raw, path))
+    return {name: field for found in models for name, field in found.model_fields.items()}
+
+
+def _of_kind(models: list[type[BaseModel]], value: Any) -> list[type[BaseModel]]:
+    """Those models that are of the kind of `value`; all where that cannot be told."""
+    kinds = [found.model_fields.get("kind") for found in models]
+    if not isinstance(value, dict) or not all(kinds):
+        return models
+    chosen = [
+        found
+        for found, kind in zip(models, kinds, strict=True)
+        if kind and value.get("kind", kind.default) in get_args(kind.annotation)
+    ]
+    return chosen or models
 
 
 def _step(annotation: Any, part: str | int) -> Any:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from seod.config.sensors import FvConverterConfig, ScaledConfig
 from seod.config.units import UNITS
 
 if TYPE_CHECKING:
     from seod.config.model import RigConfig
+    from seod.config.sensors import SensorConfig
 
 
 def truth(config: RigConfig) -> dict[str, dict[str, float]]:
@@ -22,6 +24,13 @@ def truth(config: RigConfig) -> dict[str, dict[str, float]]:
         if plant is None:
             continue
         per_volt = output.scale / UNITS[output.unit][1]
-        K_L = plant.K_L * per_volt * sensor.scale * UNITS[sensor.unit][1]
+        K_L = plant.K_L * per_volt * _si_per_plant_unit(sensor, plant.sensor is not None)
         answer[name] = {"K_L": K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
     return answer
+
+
+def _si_per_plant_unit(sensor: SensorConfig, is_si: bool) -> float:
+    """A plant moves in its channel's unit, or in SI where a sensor of its own looks at it."""
+    if is_si or not isinstance(sensor, ScaledConfig | FvConverterConfig):
+        return 1.0
+    return sensor.scale * UNITS[sensor.unit][1]

@@ -1,4 +1,4 @@
-"""Units of the rig file. Everything inside the program is in SI base units (rad, m, V, s, Hz, Pa)."""
+"""Units of the rig file. Everything inside the program is in SI base units (rad, m, V, s, Hz, Pa, K)."""
 
 from __future__ import annotations
 
@@ -25,14 +25,24 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "kPa": ("pressure", 1e3),
     "bar": ("pressure", 1e5),
     "MPa": ("pressure", 1e6),
+    "K": ("temperature", 1.0),
+    "degC": ("temperature", 1.0),
     "rad/s": ("angular speed", 1.0),
     "deg/s": ("angular speed", math.pi / 180.0),
+    "rpm": ("angular speed", math.pi / 30.0),
     "m/s": ("speed", 1.0),
     "mm/s": ("speed", 1e-3),
+    "rad/s/s": ("angular acceleration", 1.0),
+    "deg/s/s": ("angular acceleration", math.pi / 180.0),
+    "m/s/s": ("acceleration", 1.0),
+    "mm/s/s": ("acceleration", 1e-3),
     "V/s": ("slew rate", 1.0),
     "": ("number", 1.0),
 }
 """Unit -> (dimension, factor to the SI base unit)."""
+
+ZEROS: Final[dict[str, float]] = {"degC": 273.15}
+"""Units whose zero is not that of SI: their zero in the SI base unit."""
 
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z/]*)\s*$", re.ASCII)
 
@@ -63,7 +73,12 @@ def parse_quantity(value: object, *dimensions: str) -> float:
     number, unit = match.groups()
     if unit not in UNITS or UNITS[unit][0] not in dimensions:
         raise ValueError(f"wrong unit {unit!r}: must be one of {right}")
-    return _float(number) * UNITS[unit][1]
+    return to_si(_float(number), unit)
+
+
+def to_si(value: float, unit: str) -> float:
+    """`value` [unit] in the SI base unit."""
+    return value * UNITS[unit][1] + ZEROS.get(unit, 0.0)
 
 
 def dimension_of(value: object) -> str | None:

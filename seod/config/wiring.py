@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.config.errors import suggest
-from seod.config.model import LoopConfig, OutputConfig, SensorConfig
-from seod.config.units import UNITS, dimension_of, units_of
+from seod.config.model import LoopConfig, OutputConfig
+from seod.config.sensors import ScaledConfig
+from seod.config.units import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -14,18 +15,8 @@ if TYPE_CHECKING:
     from seod.config.draft import Draft
     from seod.config.errors import ConfigError, KeyPath
 
-POSITIONS = ("angle", "length")
-RATES = {"angle": "angular speed", "length": "speed"}
-
-POSITION_KEYS: tuple[KeyPath, ...] = (
-    ("relay", "hysteresis"),
-    ("limits", "travel", 0),
-    ("limits", "travel", 1),
-    ("limits", "amplitude"),
-    ("hold", "tolerance"),
-    ("polarity", "movement"),
-)
-"""Quantities of an axis that are positions of its sensor."""
+LINEAR_KINDS = ("linear", "linear_scale", "fv_converter")
+"""Kinds that can stand for each other: a scale and an offset, but for a linkage."""
 
 
 def check_wiring(draft: Draft) -> Iterator[ConfigError]:
@@ -34,8 +25,8 @@ def check_wiring(draft: Draft) -> Iterator[ConfigError]:
     yield from _channel_units(draft)
     for axis in draft.names("axes"):
         yield from _references(draft, axis)
-        yield from _dimensions(draft, axis)
         yield from _plant(draft, axis)
+        yield from _simulated_kind(draft, axis)
     yield from _shared_outputs(draft)
     yield from _simulated_channels(draft)
     yield from _pace(draft)
@@ -53,6 +44,7 @@ def _channels(draft: Draft) -> Iterator[ConfigError]:
     """Every channel that is named exists and goes the right way."""
     for sensor in draft.names("sensors"):
         yield from _channel(draft, ("sensors", sensor, "channel"), "input")
+        yield from _channel(draft, ("sensors", sensor, "index", "channel"), "input")
     for output in draft.names("outputs"):
         yield from _channel(draft, ("outputs", output, "channel"), "output")
     yield from _channel(draft, ("guard", "estop", "channel"), "input")
@@ -74,13 +66,15 @@ def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigErro
 
 def _channel_units(draft: Draft) -> Iterator[ConfigError]:
     for name in draft.names("sensors"):
-        yield from _channel_unit(draft, ("sensors", name), draft.section(SensorConfig, "sensors", name))
+        sensor = draft.sensor(name)
+        if isinstance(sensor, ScaledConfig):
+            yield from _channel_unit(draft, ("sensors", name), sensor)
     for name in draft.names("outputs"):
         yield from _channel_unit(draft, ("outputs", name), draft.section(OutputConfig, "outputs", name))
 
 
 def _channel_unit(
-    draft: Draft, path: KeyPath, config: SensorConfig | OutputConfig | None
+    draft: Draft, path: KeyPath, config: ScaledConfig | OutputConfig | None
 ) -> Iterator[ConfigError]:
     """With scale 1 nothing is converted: the unit must be the channel's, where that is known."""
     channel = (draft.channels or {}).get(config.channel) if config else None
@@ -94,28 +88,11 @@ def _channel_unit(
 
 def sensor_dimension(draft: Draft, axis: str) -> str | None:
     """Dimension of an axis' sensor; None if it has no valid one."""
+    sensor = draft.sensor(draft.text("axes", axis, "sensor"))
+    if sensor is not None:
+        return sensor.dimension
     unit = draft.text("sensors", draft.text("axes", axis, "sensor") or "", "unit")
     return UNITS[unit][0] if unit in UNITS else None
-
-
-def _dimensions(draft: Draft, axis: str) -> Iterator[ConfigError]:
-    """Lengths for a sensor of lengths, angles for one of angles; plain numbers are SI and fit both."""
-    sensor = draft.text("axes", axis, "sensor")
-    dimension = sensor_dimension(draft, axis)
-    if dimension is None:
-        return
-    if dimension not in POSITIONS:
-        right = f"a sensor in one of {', '.join(units_of(*POSITIONS))}"
-        message = f"sensor {sensor!r} measures {dimension}; position control needs a position"
-        yield draft.error(("axes", axis, "sensor"), message, right)
-        return
-    wanted = [(key, dimension) for key in POSITION_KEYS] + [(("limits", "speed"), RATES[dimension])]
-    for key, right in wanted:
-        path = ("axes", axis, *key)
-        written = dimension_of(draft.raw(*path))
-        if written in (*POSITIONS, *RATES.values()) and written != right:
-            message = f"sensor {sensor!r} measures {dimension}: must be in {', '.join(units_of(right))}"
-            yield draft.wrong(path, message)
 
 
 def _shared_outputs(draft: Draft) -> Iterator[ConfigError]:
@@ -150,6 +127,21 @@ def _plant(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.error(("axes", axis, "sensor"), message, f"a sensor with `channel: {moved[driven]}`")
 
 
+def _simulated_kind(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """The simulated sensor is of the kind that the rig file believes in."""
+    name = draft.text("axes", axis, "sensor")
+    sensor = draft.sensor(name)
+    plants = draft.simulation.plants if draft.simulation else {}
+    for plant_name, plant in plants.items():
+        if sensor is None or plant.output != sensor.channel:
+            continue
+        kind = plant.sensor.kind if plant.sensor else "linear"
+        if kind != sensor.kind and not (kind in LINEAR_KINDS and sensor.kind in LINEAR_KINDS):
+            message = f"is {sensor.kind}, but the sensor of the simulated plant {plant_name!r} is {kind}"
+            right = f"`sensor: {{kind: {sensor.kind}, ...}}` in simulation.plants.{plant_name}"
+            yield draft.error(("sensors", name or "", "kind"), message, right)
+
+
 def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     """The simulated rig sits at the other end of channels that the driver has."""
     simulation = draft.simulation
@@ -158,6 +150,7 @@ def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     for name in simulation.plants:
         yield from _channel(draft, ("simulation", "plants", name, "input"), "output")
         yield from _channel(draft, ("simulation", "plants", name, "output"), "input")
+        yield from _channel(draft, ("simulation", "plants", name, "sensor", "index", "channel"), "input")
     inputs = [c.name for c in (draft.channels or {}).values() if c.direction == "input"]
     for name in simulation.constants:
         if draft.channels is not None and name not in inputs:

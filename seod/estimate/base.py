@@ -27,6 +27,10 @@ class Row(NamedTuple):
     """The relay is on at full amplitude: this row belongs to a limit cycle."""
     fresh: bool = True
     """False if no new sample arrived for this tick (`t`, `y` repeat the last one)."""
+    K_L: float = math.nan
+    """Plant gain in force [axis unit/s/V]; nan: the one of the settings."""
+    saturated: bool = False
+    """The sample lies where its sensor clips."""
 
 
 QUALITIES = (
@@ -67,6 +71,9 @@ class Estimate:
     asymmetry: float | None = None
     mean_speed: float | None = None
     fitness: float | None = None
+    ps: float | None = None
+    """Supply pressure [Pa]; like `temperature` [K] from the axis' sensors, not from the estimator."""
+    temperature: float | None = None
     advice: str | None = None
     """What a person should do about a quality that is not ok."""
 
@@ -77,12 +84,13 @@ class EstimatorSettings:
 
     Attributes:
         method: `peaks` or `exact`.
-        K_L: Plant gain [axis unit/s/V].
+        K_L: Plant gain [axis unit/s/V], for rows that do not tell theirs.
         hysteresis: Half-width eps of the relay's hysteresis [axis unit]; switches at e = +eps and -eps.
-        delay_s: Known delay between `t_u` and the actuator [s], sensor lag included.
+        delay_s: Known delay between `t_u` and the actuator [s], and pure delay of the sensor.
         period_s: Nominal tick period [s].
         cycles: Window in cycles over which agreement is judged and estimates are averaged.
         lowpass_hz: Cut-off of the low-pass of section 2.3(2) for `peaks`; None for no filter.
+        lag_s: Time constant of the sensor's first-order lag [s]; `exact` takes it back.
     """
 
     method: str
@@ -92,6 +100,7 @@ class EstimatorSettings:
     period_s: float
     cycles: int
     lowpass_hz: float | None
+    lag_s: float = 0.0
 
 
 class Estimator(Protocol):

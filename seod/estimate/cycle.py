@@ -13,6 +13,7 @@ import numpy as np
 from seod.estimate import quality
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
 from seod.estimate.fitness import fitness
+from seod.estimate.lag import first_order
 from seod.estimate.record import Record, sound
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class CycleEstimator(ABC):
         """Forget everything."""
         self.record = Record(self.settings, self.window)
         self._clips: deque[bool] = deque(maxlen=2)
+        self._saturated = False
         self._quality = ""
         self._was_settled = False
 
@@ -66,6 +68,7 @@ class CycleEstimator(ABC):
             self.reset()
         if self.record.is_new(good):
             self.listen(good)
+        self._saturated |= good.saturated
         switch = self.record.take(good)
         return self._look() if switch is None else self._answer(switch)
 
@@ -90,7 +93,7 @@ class CycleEstimator(ABC):
         return self._without_numbers(advice)
 
     def _without_numbers(self, advice: str) -> Estimate:
-        K_L = finite_or_none(self.settings.K_L)
+        K_L = finite_or_none(self.record.K_L)
         return Estimate(self.record.now, self.method, self._quality, K_L=K_L, advice=advice)
 
     def _state(self) -> str:
@@ -105,7 +108,7 @@ class CycleEstimator(ABC):
         record = self.record
         run = record.samples[record.since(record.switched) :]
         moved = abs(run[-1] - run[0]) if run else 0.0
-        possible = self.settings.K_L * record.e_a * (record.now - record.switched)
+        possible = self.record.K_L * record.e_a * (record.now - record.switched)
         return quality.STANDS if moved < 0.02 * possible else quality.DRIFTS
 
     def _answer(self, switch: Switch) -> Estimate | None:
@@ -113,14 +116,20 @@ class CycleEstimator(ABC):
         t, y = np.array(record.times), np.array(record.samples)
         self.measure(switch, t, y)
         half_cycle = record.samples[record.since(switch.seen) :]
-        self._clips.append(quality.clipped(half_cycle))
+        self._clips.append(self._saturated or quality.clipped(half_cycle))
+        self._saturated = False
         solution = self.solve() if len(record.switches) > 2 else None
         self._quality = self._judge(solution, len(half_cycle))
         if solution is None:
             return self._without_numbers(quality.ADVICE[self._quality])
-        fit = fitness(solution.plant, list(record.switches)[-3:], self.settings.K_L * record.e_a, t, y)
+        fit = self._fitness(solution, t, y)
         record.forget(record.switches[-2].t - record.durations[-2])
         return self._estimate(solution, fit)
+
+    def _fitness(self, solution: Solution, t: Array, y: Array) -> float | None:
+        lag = first_order(self.settings.lag_s, solution.frequency)
+        gain = self.record.K_L * self.record.e_a / lag.ratio
+        return fitness(solution.plant, list(self.record.switches)[-3:], gain, t - lag.delay, y)
 
     def _judge(self, solution: Solution | None, count: int) -> str:
         """The quality word for `count` samples in the half cycle: the first that applies, worst first."""
@@ -176,7 +185,7 @@ class CycleEstimator(ABC):
             zeta_sd=sd and finite_or_none(sd.zeta),
             omega_n=plant and finite_or_none(plant.omega_n),
             omega_n_sd=sd and finite_or_none(sd.omega_n),
-            K_L=self.settings.K_L,
+            K_L=self.record.K_L,
             delay_s=solution.delay_s,
             frequency=finite_or_none(solution.frequency),
             amplitude=finite_or_none(solution.amplitude),

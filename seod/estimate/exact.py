@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 from seod.estimate.cycle import CycleEstimator, Solution
 from seod.estimate.half_cycle import HalfCycle, Stretch, means, measure, without_fit_error
 from seod.estimate.inversion import Measured, Plant, Sensitivity, invert, sensitivity
+from seod.estimate.lag import first_order
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,11 +53,13 @@ class ExactEstimator(CycleEstimator):
     def solve(self) -> Solution | None:
         """Invert the means of the window."""
         halves = list(self._halves)
-        measured = means(halves)
-        if measured is None or measured.V_s <= 0.0:
+        seen = means(halves)
+        if seen is None or seen.V_s <= 0.0:
             return None
-        plant = self._invert(measured)
-        by = plant and self._sensitivity(plant, measured)
+        lag = first_order(self.settings.lag_s, 2.0 * math.pi / (seen.h_up + seen.h_down))
+        measured, hysteresis = lag.removed(seen), lag.ratio * self.settings.hysteresis
+        plant = self._invert(measured, hysteresis)
+        by = plant and self._sensitivity(plant, measured, hysteresis)
         return Solution(
             repeats=_repeats(halves, by),
             frequency=2.0 * math.pi / (measured.h_up + measured.h_down),
@@ -67,16 +70,16 @@ class ExactEstimator(CycleEstimator):
             delay_s=0.5 * (measured.lag_up + measured.lag_down),
         )
 
-    def _invert(self, measured: Measured) -> Plant | None:
-        known = (self.settings.hysteresis, self.settings.K_L, self.record.e_a)
+    def _invert(self, measured: Measured, hysteresis: float) -> Plant | None:
+        known = (hysteresis, self.record.K_L, self.record.e_a)
         plant = invert(measured, *known)
         if plant is None:
             return None
-        corrected = without_fit_error(measured, plant, self.settings.K_L * self.record.e_a)
+        corrected = without_fit_error(measured, plant, self.record.K_L * self.record.e_a)
         return invert(corrected, *known, start=plant)
 
-    def _sensitivity(self, plant: Plant, measured: Measured) -> Sensitivity:
-        return sensitivity(plant, measured, self.settings.hysteresis, self.settings.K_L, self.record.e_a)
+    def _sensitivity(self, plant: Plant, measured: Measured, hysteresis: float) -> Sensitivity:
+        return sensitivity(plant, measured, hysteresis, self.record.K_L, self.record.e_a)
 
 
 def _shares(halves: Sequence[HalfCycle], by: Measured) -> list[float]:

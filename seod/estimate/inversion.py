@@ -12,6 +12,8 @@ _STEP_MAX = 0.7
 """Longest Newton step in the logarithm of either unknown."""
 _LN_ZETA = math.log(ZETA_MIN / 2.0), math.log(ZETA_MAX * 2.0)
 """The search may look a factor of 2 beyond the range of zeta, so that its edge is judged fairly."""
+_SOLVED = 1e-4
+"""Largest mismatch of a solution, as a part of the amplitude."""
 _LN_RATIO = math.log(100.0)
 """And a factor of 100 about the limit cycle's frequency for omega_n."""
 
@@ -103,7 +105,8 @@ def invert(
             return None
         at, r = found
         if max(abs(step[0]), abs(step[1])) < 1e-6:  # quadratic convergence: the error left is far smaller
-            return _in_range(Plant(math.exp(at[0]), math.exp(at[1])))
+            solved = math.hypot(*r) < _SOLVED  # a step can also be small beside a kink of the mismatch
+            return _in_range(Plant(math.exp(at[0]), math.exp(at[1]))) if solved else None
     return None
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from seod.estimate.cycle import CycleEstimator, Solution
 from seod.estimate.inversion import Plant, invert_eq8
+from seod.estimate.lag import first_order
 
 if TYPE_CHECKING:
     from seod.estimate.base import Row
@@ -129,7 +130,7 @@ class PeaksEstimator(CycleEstimator):
         frequency, amplitude = 2.0 * math.pi / fmean(periods), fmean(amplitudes)
         if amplitude <= 0.0:
             return None
-        K_L, e_a = self.settings.K_L, self.record.e_a
+        K_L, e_a = self.record.K_L, self.record.e_a
         same_side = peaks[(len(peaks) - 1) % 2]
         each = [
             invert_eq8(2.0 * math.pi / period, a, K_L, e_a)
@@ -142,7 +143,14 @@ class PeaksEstimator(CycleEstimator):
             plant=invert_eq8(frequency, amplitude, K_L, e_a),
             sd=_deviation([plant for plant in each if plant]),
             mean_speed=(peaks[-1].y - same_side.y) / (peaks[-1].t - same_side.t),
+            delay_s=self._delay(frequency),
         )
+
+    def _delay(self, frequency: float) -> float | None:
+        """How far the low-passed signal lags the motion [s]; None where nothing is known to lag."""
+        cutoff, tau = self.settings.lowpass_hz, self.settings.lag_s
+        lags = [tau] if cutoff is None else [tau, 1.0 / (2.0 * math.pi * cutoff)]
+        return sum(first_order(each, frequency).delay for each in lags) or None
 
 
 def _swing(a: Peak, b: Peak) -> float:

@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from itertools import pairwise
+from statistics import fmean
 from typing import TYPE_CHECKING
 
 from seod.estimate.quality import NoiseMeter
@@ -21,6 +22,8 @@ _GAP_PART = 0.25
 """A gap in time longer than 10 ticks, and than this part of a half cycle, breaks the record."""
 NO_SWITCH_S = 1.0
 """A relay that has not switched for this long (or for four half cycles, if longer) does not oscillate."""
+BIAS_JUMP = 0.05
+"""A bias that moves within a row by more than this part of e_a is another one; less is a drift or a trim."""
 _NOISE_MEMORY = 1000.0
 _SAMPLES_MAX = 200_000
 
@@ -44,6 +47,7 @@ class Record:
         self.noise = NoiseMeter()
         self.now = self.switched = -math.inf
         self.reference = self.e_a = self.bias = math.nan
+        self.gains: deque[float] = deque(maxlen=window + 1)
         self._tracker = SwitchTracker()
         self._up: bool | None = None
         self._half = 0.0
@@ -73,7 +77,8 @@ class Record:
         """Whether `row` cannot continue this record: another set point or amplitude, or time is missing."""
         if not self.has_begun:
             return False
-        same = (row.reference, row.e_a, row.bias) == (self.reference, self.e_a, self.bias)
+        same = (row.reference, row.e_a) == (self.reference, self.e_a)
+        same = same and abs(row.bias - self.bias) <= BIAS_JUMP * row.e_a
         gap = bool(self.times) and row.fresh and row.t - self.times[-1] > self._longest_gap
         return not same or gap or row.t_u < self.now
 
@@ -88,9 +93,10 @@ class Record:
             The switch before the newest one, when the half cycle that it began has just ended.
         """
         if not self.has_begun:
-            self.reference, self.e_a, self.bias = row.reference, row.e_a, row.bias
+            self.reference, self.e_a = row.reference, row.e_a
             self.switched = row.t_u
-        self.now = row.t_u
+            self.gains.append(self._gain(row))
+        self.now, self.bias = row.t_u, row.bias
         self._add_sample(row)
         drive = row.u - row.bias
         if drive == 0.0:
@@ -98,11 +104,20 @@ class Record:
         up = drive > 0.0
         if up is not self._up:
             self._up, self.switched = up, row.t_u
+            self.gains.append(self._gain(row))
         switch = self._tracker.update(row.t, row.t_u + self._settings.delay_s, up)
         if switch:
             self._half = switch.t - self.switches[-1].t if self.switches else 0.0
             self.switches.append(switch)
         return switch
+
+    @property
+    def K_L(self) -> float:
+        """Gain in force in the window [axis unit/s/V]."""
+        return fmean(self.gains) if self.gains else self._settings.K_L
+
+    def _gain(self, row: Row) -> float:
+        return row.K_L if 0.0 < row.K_L < _LARGEST else self._settings.K_L
 
     def since(self, t: float) -> int:
         """Index of the first sample at or after `t`."""

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from seod.estimate.base import Estimate, EstimatorSettings, Row
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, AxisState
+from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
+from seod.gain import gain_range
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
+from seod.settings import configured
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -15,14 +18,38 @@ if TYPE_CHECKING:
     from seod.config.model import AxisConfig
     from seod.estimate.base import Estimator
 
-RowTuple = tuple[float, float, float, float, float, float, float, float, int, int]
+RowTuple = tuple[float, float, float, float, float, float, float, float, float, float, float, int, int]
 """One axis of a row in the order of `seod.ring.AXIS_FIELDS`, then state and flags."""
 
-LOOP_SETTINGS = ("e_a", "hysteresis", "bias")
-"""Settings that the loop keeps; the others are the estimator's."""
+LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "reference", "trim")
+"""Settings that the loop keeps, too; the others are the estimator's alone."""
 
 _STATE_SETTLES_S = 0.1
 """A row this much newer than the last state event is believed where the two differ: an event was lost."""
+
+
+class CycleMean:
+    """Mean of a measurement over the last whole cycle of the relay."""
+
+    def __init__(self) -> None:
+        self._up = False
+        self._halves: deque[tuple[float, int]] = deque([(0.0, 0)], maxlen=3)
+
+    def add(self, row: Row, y: float) -> None:
+        """Take the measurement `y` of a row."""
+        up = row.u > row.bias
+        if up is not self._up:
+            self._up = up
+            self._halves.append((0.0, 0))
+        total, count = self._halves[-1]
+        if row.fresh and math.isfinite(y):
+            self._halves[-1] = total + y, count + 1
+
+    def value(self) -> float | None:
+        """The mean; None before a cycle is over."""
+        whole = list(self._halves)[:-1]
+        count = sum(n for _, n in whole)
+        return sum(total for total, _ in whole) / count if len(whole) == 2 and count else None
 
 
 @dataclass(slots=True)
@@ -33,33 +60,41 @@ class Axis:
     config: AxisConfig
     period_s: float
     make: Callable[[EstimatorSettings], Estimator]
+    lag_s: float = 0.0
+    """Of the axis' sensor."""
     settings: dict[str, Any] = field(init=False)
     state: str = "idle"
     fault: dict[str, Any] | None = None
     estimate: Estimate | None = None
     stale: bool = False
     _state_t: float = -math.inf
-    _running: tuple[bool, float, float] = (False, 0.0, 0.0)
+    _running: tuple[bool, float] = (False, 0.0)
+    _mean: CycleMean = field(default_factory=CycleMean)
+    _velocity: bool = field(init=False)
     _estimator: Estimator = field(init=False)
 
     def __post_init__(self) -> None:
-        self.settings = {**self._configured(), "K_L": self.config.K_L, "method": self.config.estimator.method}
+        self._velocity = self.config.mode == "velocity"
+        self.settings = {**self._configured(), "method": self.config.estimator.method}
         self._estimator = self.make(self._estimator_settings())
 
-    def _configured(self) -> dict[str, float]:
-        relay = self.config.relay
-        return {"e_a": relay.e_a, "hysteresis": relay.hysteresis, "bias": relay.bias}
+    def _configured(self) -> dict[str, Any]:
+        """The loop's settings; K_L is null where it follows the supply pressure."""
+        settings: dict[str, Any] = configured(self.config)
+        settings.setdefault("K_L", None)
+        return settings | {"trim": bool(settings["trim"])} if "trim" in settings else settings
 
     def _estimator_settings(self) -> EstimatorSettings:
         estimator = self.config.estimator
         return EstimatorSettings(
             method=self.settings["method"],
-            K_L=self.settings["K_L"],
+            K_L=self.settings["K_L"] or sum(gain_range(self.config.K_L)) / 2.0,
             hysteresis=self.settings["hysteresis"],
             delay_s=estimator.delay,
             period_s=self.period_s,
             cycles=estimator.cycles,
             lowpass_hz=estimator.lowpass,
+            lag_s=self.lag_s,
         )
 
     def change(self, values: dict[str, Any]) -> None:
@@ -78,22 +113,43 @@ class Axis:
             ValueError, ArithmeticError: The estimator could not compute; it has been reset.
         """
         answers = []
-        for t, y, reference, u, t_u, e_a, bias, _, _, flags in rows:
-            exciting = bool(flags & FLAG_EXCITING)
-            if (exciting, e_a, bias) != self._running:
-                self._running = (exciting, e_a, bias)
+        for values in rows:
+            row = self._row(values)
+            if (row.exciting, row.e_a) != self._running:
+                self._running = (row.exciting, row.e_a)
                 self._estimator.reset()
-            row = Row(t, y, u, t_u, reference, e_a, bias, exciting, bool(flags & FLAG_FRESH))
             try:
                 answer = self._estimator.update(row)
             except (ValueError, ArithmeticError):
                 self._estimator.reset()
                 raise
+            self._mean.add(row, values[1])
             if answer is not None and self.fault is None:
-                self.estimate = answer
-                answers.append(answer)
+                self.estimate = self._with_conditions(answer, values)
+                answers.append(self.estimate)
         self.stale = False
         return answers
+
+    def _row(self, values: RowTuple) -> Row:
+        """The row as estimators know it: in velocity mode the relay's input stands for the position."""
+        t, y, reference, u, t_u, e_a, bias, signal, _, _, K_L, _, flags = values
+        if self._velocity:
+            y, reference = -signal, 0.0
+        exciting, fresh = bool(flags & FLAG_EXCITING), bool(flags & FLAG_FRESH)
+        saturated = bool(flags & FLAG_SATURATED)
+        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated)
+
+    def _with_conditions(self, answer: Estimate, values: RowTuple) -> Estimate:
+        """The answer with what the loop measured beside it; in velocity mode with the speed itself."""
+        ps, temperature, K_L = values[8:11]
+        if answer.mean_speed is not None and self._velocity:
+            answer = replace(answer, mean_speed=self._mean.value())
+        return replace(
+            answer,
+            ps=finite_or_none(ps),
+            temperature=finite_or_none(temperature),
+            K_L=answer.K_L if answer.K_L is not None else finite_or_none(K_L),
+        )
 
     def reconcile(self, t: float, state: int) -> None:
         """Believe the newest row, of time `t` [s], where a state event was lost."""
@@ -145,7 +201,7 @@ class Axis:
 
 
 def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
-    """The `estimate` notification; supply pressure and temperature are null: no sensor gives them yet."""
+    """The `estimate` notification; `ps` [Pa] and `temperature` [K] are null where no sensor tells them."""
     return {
         "axis": axis,
         "t": estimate.t,
@@ -161,8 +217,8 @@ def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
         "amplitude": estimate.amplitude,
         "asymmetry": estimate.asymmetry,
         "mean_speed": estimate.mean_speed,
-        "ps": None,
-        "temperature": None,
+        "ps": estimate.ps,
+        "temperature": estimate.temperature,
         "fitness": estimate.fitness,
         "method": estimate.method,
         "quality": estimate.quality,
@@ -172,7 +228,7 @@ def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
 
 def sample_message(axis: str, tick: int, row: RowTuple) -> dict[str, Any]:
     """The `sample` notification of one row; `signal` is the relay's input e."""
-    t, y, reference, u, t_u, e_a, _, signal, state, flags = row
+    t, y, reference, u, t_u, e_a, bias, signal, ps, temperature, K_L, state, flags = row
     return {
         "axis": axis,
         "tick": tick,
@@ -183,6 +239,10 @@ def sample_message(axis: str, tick: int, row: RowTuple) -> dict[str, Any]:
         "reference": reference,
         "signal": signal,
         "e_a": e_a,
+        "bias": bias,
+        "ps": finite_or_none(ps),
+        "temperature": finite_or_none(temperature),
+        "K_L": finite_or_none(K_L),
         "state": AxisState(state).name.lower(),
         "fresh": bool(flags & FLAG_FRESH),
     }

@@ -50,17 +50,31 @@ class UnsubscribeParams(Params):
 
 
 class SetParams(AxisParams):
-    """New values: e_a, bias [V] and hysteresis [axis unit] of the relay; K_L and method of the estimator."""
+    """New values, see README: of the relay, of velocity mode, and of the estimator."""
 
     e_a: _Positive | None = None
     hysteresis: _NonNegative | None = None
     bias: _Finite | None = None
     K_L: _Positive | None = None
+    reference: _Finite | None = None
+    """Velocity mode: the speed about which it oscillates [axis unit/s]."""
+    trim: bool | None = None
+    """Velocity mode: whether the bias is corrected."""
     method: str | None = None
 
     def values(self) -> dict[str, Any]:
         """Those that were given."""
         return self.model_dump(exclude={"axis"}, exclude_none=True)
+
+
+class DriveParams(AxisParams):
+    """An open-loop voltage for a while, for calibration; the axis' bias is added."""
+
+    volts: _Finite
+    duration: _Positive
+    """[s]"""
+    stay: bool = False
+    """Hold it where the drive has brought it, not where it began."""
 
 
 class AuthenticateParams(Params):

@@ -1,9 +1,10 @@
 """Recording to CSV, in a thread of its own: a slow or full disk costs rows of the file, never anything else.
 
 One header line, then one line a tick. For each axis: `t` [s] when `y` was sampled, `y` [axis unit], `u` [V],
-`t_u` [s] when `u` left, `reference`, `e_a` [V], `bias` [V], `signal` (the relay's input), `state`, `flags`
-(`seod.ring.FLAG_*`). With several axes each column carries its axis: `motor.t`, `motor.y`, ..., so that
-`--columns t=motor.t,y=motor.y,u=motor.u` selects one. `tick` counts ticks; `t_tick` [s] is when they began.
+`t_u` [s] when `u` left, `reference`, `e_a` [V], `bias` [V], `signal` (the relay's input), `ps` [Pa],
+`temperature` [K], `K_L` in force, `state`, `flags` (`seod.ring.FLAG_*`). With several axes each column
+carries its axis: `motor.t`, `motor.y`, ..., so that `--columns t=motor.t,y=motor.y,u=motor.u` selects
+one. `tick` counts ticks; `t_tick` [s] is when they began.
 
 A tick without a new sample has an empty `y`, and as `t` when the sample would have been taken. Numbers have
 all their digits; what is undefined is empty.
@@ -28,7 +29,21 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-COLUMNS = ("t", "y", "u", "t_u", "reference", "e_a", "bias", "signal", "state", "flags")
+COLUMNS = (
+    "t",
+    "y",
+    "u",
+    "t_u",
+    "reference",
+    "e_a",
+    "bias",
+    "signal",
+    "ps",
+    "temperature",
+    "K_L",
+    "state",
+    "flags",
+)
 _ORDER = [AXIS_FIELDS.index(name) for name in COLUMNS[1:-2]]
 _T, _Y = AXIS_FIELDS.index("t"), AXIS_FIELDS.index("y")
 _STATES = {int(state): state.name.lower() for state in AxisState}

@@ -61,7 +61,10 @@ class Rig:
     ) -> None:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
-        self.axes = {name: Axis(name, axis, period, make) for name, axis in config.axes.items()}
+        self.axes = {
+            name: Axis(name, axis, period, make, config.sensors[axis.sensor].lag)
+            for name, axis in config.axes.items()
+        }
         self.mailbox = Mailbox(shared.commands, restart_loop)
         self.clients: Callable[[], dict[str, Any]] = dict
         """Tells about the clients in `health`; the server sets it."""
@@ -131,9 +134,9 @@ class Rig:
                 axis.restarted(event["t"])
 
     def _fail(self, event: Event) -> None:
-        for axis in self.axes.values():  # the loop latches them all, whichever was the cause
-            axis.fail(event)
-            self._publish_newest(axis)
+        for name in event.get("latched", self.axes):  # without a loop it is all of them
+            self.axes[name].fail(event)
+            self._publish_newest(self.axes[name])
 
     def _on_rows(self, rows: NDArray[np.void]) -> None:
         if self._recorder is not None:
@@ -211,8 +214,17 @@ class Rig:
         self._publish_event(fault)
         self._hub.flush()
 
-    async def reset(self) -> None:
+    def change(self, axis: Axis, values: dict[str, Any], told: dict[str, Any]) -> None:
+        """New settings are in force; `told` are those of which the loop does not tell the clients."""
+        axis.change(values)
+        if told:
+            self._publish_event({"event": "changed", "t": self.now(), "axis": axis.name, "values": told})
+
+    async def reset(self, axis: int | None = None) -> None:
         """Leave the fault; where the loop has died, have a new one started and wait until it ticks.
+
+        Args:
+            axis: Number of one axis; None for all. A new loop has none in fault.
 
         Raises:
             RpcError: Refused, or the new loop does not come up.
@@ -220,7 +232,7 @@ class Rig:
         if self.mailbox.dead_why:
             await self.mailbox.restart()
         else:
-            await self.mailbox.post("reset", None)
+            await self.mailbox.post("reset", axis)
 
     def info(self) -> dict[str, Any]:
         """The answer to `info`; `truth` is null for a real rig."""

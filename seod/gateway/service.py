@@ -12,6 +12,7 @@ from seod.gateway.params import (
     TOPICS,
     AuthenticateParams,
     AxisParams,
+    DriveParams,
     EstopParams,
     Params,
     SetParams,
@@ -21,6 +22,7 @@ from seod.gateway.params import (
 )
 from seod.protocol import BUSY, INVALID_PARAMS, UNAUTHORISED, Refusal, Request, RpcError, hint, unknown_method
 from seod.ring import bin_edges_us
+from seod.settings import refusal
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -70,6 +72,7 @@ class Service:
             "unsubscribe": Method("read", UnsubscribeParams, self._unsubscribe),
             "authenticate": Method("none", AuthenticateParams, self._authenticate),
             "set": Method("command", SetParams, self._set),
+            "drive": Method("command", DriveParams, self._drive),
             "start": Method("command", AxisParams, self._command("start")),
             "stop": Method("command", AxisParams, self._command("stop")),
             "estop": Method("command", EstopParams, self._command("estop")),
@@ -173,17 +176,23 @@ class Service:
 
         return begin
 
-    async def _carry_out(self, op: str, axis: int | None) -> Result:
-        await self._rig.mailbox.post(op, axis)
+    async def _carry_out(self, op: str, axis: int | None, values: dict[str, Any] | None = None) -> Result:
+        await self._rig.mailbox.post(op, axis, values)
         return {"ok": True}
 
     def _reset(self, _: Session, params: AxisParams) -> Awaitable[Result]:
-        self._index(params.axis)  # the loop resets all axes at once, but a wrong name is still a mistake
-        return self._reset_all()
+        return self._leave_fault(self._index(params.axis))
 
-    async def _reset_all(self) -> Result:
-        await self._rig.reset()
+    async def _leave_fault(self, axis: int | None) -> Result:
+        await self._rig.reset(axis)
         return {"ok": True}
+
+    def _drive(self, _: Session, params: DriveParams) -> Awaitable[Result]:
+        axis = self._axis(params.axis)
+        check_drive(axis, params)
+        return self._carry_out(
+            "drive", self._index(axis.name), params.model_dump(exclude={"axis"}, exclude_defaults=True)
+        )
 
     def _set(self, _: Session, params: SetParams) -> Awaitable[Result]:
         axis = self._axis(params.axis)
@@ -195,8 +204,24 @@ class Service:
         for_loop = {key: values[key] for key in LOOP_SETTINGS if key in values}
         if for_loop:
             await self._rig.mailbox.post("set", self._index(axis.name), for_loop)
-        axis.change(values)
+        self._rig.change(axis, values, told={key: values[key] for key in values.keys() - for_loop.keys()})
         return {"axis": axis.name, "settings": dict(axis.settings)}
+
+
+def check_drive(axis: Axis, params: DriveParams) -> None:
+    """Hold a drive against the axis' limits.
+
+    Raises:
+        RpcError: INVALID_PARAMS; names the parameter and the limit.
+    """
+    limits = axis.config.limits
+    volts, most = abs(params.volts) + abs(axis.settings["bias"]), limits.output
+    if volts > most:
+        what = f"|volts| + |bias| = {volts:g} V is over limits.output = {most:g} V of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"volts: {what}")
+    if params.duration > limits.excitation:
+        what = f"must be at most limits.excitation = {limits.excitation:g} s of axis {axis.name}"
+        raise RpcError(INVALID_PARAMS, f"duration: {what}, got {params.duration:g}")
 
 
 def check_settings(axis: Axis, values: dict[str, Any]) -> None:
@@ -207,15 +232,10 @@ def check_settings(axis: Axis, values: dict[str, Any]) -> None:
     """
     if not values:
         raise RpcError(INVALID_PARAMS, f"give at least one of {', '.join(axis.settings)}")
-    limits = axis.config.limits
-    new = axis.settings | values
-    volts = new["e_a"] + abs(new["bias"])
-    if volts > limits.output:
-        what = f"e_a + |bias| = {volts:g} V is over limits.output = {limits.output:g} V of axis {axis.name}"
-        raise RpcError(INVALID_PARAMS, f"{'e_a' if 'e_a' in values else 'bias'}: {what}")
-    if new["hysteresis"] >= limits.amplitude:
-        what = f"must be below limits.amplitude = {limits.amplitude:g} of axis {axis.name}"
-        raise RpcError(INVALID_PARAMS, f"hysteresis: {what}, got {new['hysteresis']:g}")
-    if new["method"] not in TABLE:
-        given = new["method"][:40]
+    now = {key: value for key, value in axis.settings.items() if key in LOOP_SETTINGS and value is not None}
+    why = refusal(axis.config, now, {key: values[key] for key in LOOP_SETTINGS if key in values})
+    if why is not None:
+        raise RpcError(INVALID_PARAMS, f"{why} of axis {axis.name}")
+    given = values.get("method", axis.settings["method"])[:40]
+    if given not in TABLE:
         raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, TABLE)}")

@@ -1,4 +1,4 @@
-"""Controllers of one axis: each takes the time and the error e = reference - y, and returns a voltage.
+"""Controllers of one axis: each takes the time and an error, and returns a voltage, without the bias.
 
 The relay is a controller like the others, so that it is swapped in and out without a special case. None of
 them reads a clock, and none of them decides what reaches the actuator: that is the guard's.
@@ -19,22 +19,20 @@ class Controller(Protocol):
 
 
 class Relay:
-    """The relay of Fig. 2 with hysteresis and bias; its amplitude rises from 0 to e_a in the entry time.
+    """The relay of Fig. 2 with hysteresis; its amplitude rises from 0 to e_a in the entry time.
 
     Args:
         start: Time at which it is switched on [s].
         entry: Length of the rise [s].
         e_a: Amplitude [V].
         hysteresis: Half-width [axis unit]: switches up at e >= hysteresis, down at e <= -hysteresis.
-        bias: Added behind the relay [V].
     """
 
-    def __init__(self, start: float, entry: float, e_a: float, hysteresis: float, bias: float) -> None:
+    def __init__(self, start: float, entry: float, e_a: float, hysteresis: float) -> None:
         self.start = start
         self.entry = entry
         self.e_a = e_a
         self.hysteresis = hysteresis
-        self.bias = bias
         self.sign = 1.0
 
     def amplitude(self, t: float) -> float:
@@ -48,7 +46,7 @@ class Relay:
             self.sign = 1.0
         elif e < -self.hysteresis:
             self.sign = -1.0
-        return self.sign * self.amplitude(t) + self.bias
+        return self.sign * self.amplitude(t)
 
 
 class PositionHold:
@@ -57,17 +55,40 @@ class PositionHold:
     Args:
         gain: [V per axis unit].
         limit: Largest control voltage [V].
-        bias: Added behind it [V].
     """
 
-    def __init__(self, gain: float, limit: float, bias: float) -> None:
+    def __init__(self, gain: float, limit: float) -> None:
         self.gain = gain
         self.limit = limit
-        self.bias = bias
 
     def step(self, t: float, e: float) -> float:  # noqa: ARG002 - a controller's form
         """Proportional, clipped."""
-        return max(-self.limit, min(self.limit, self.gain * e)) + self.bias
+        return max(-self.limit, min(self.limit, self.gain * e))
+
+
+class Coast:
+    """Nothing but the bias."""
+
+    def step(self, t: float, e: float) -> float:  # noqa: ARG002 - a controller's form
+        """0 V."""
+        return 0.0
+
+
+class Drive:
+    """A voltage for a while, whatever the sensor says; the guard still does.
+
+    Args:
+        end: Time at which it is over [s].
+        voltage: Without the bias [V].
+    """
+
+    def __init__(self, end: float, voltage: float) -> None:
+        self.end = end
+        self.voltage = voltage
+
+    def step(self, t: float, e: float) -> float:  # noqa: ARG002 - a controller's form
+        """The voltage, then nothing."""
+        return self.voltage if t < self.end else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,30 +111,28 @@ class PolarityPulse:
         voltage: Height [V].
         duration: Longest pulse [s].
         movement: Movement that is clear [axis unit].
-        bias: Voltage at which the actuator should stand still [V].
     """
 
-    def __init__(self, start: float, voltage: float, duration: float, movement: float, bias: float) -> None:
+    def __init__(self, start: float, voltage: float, duration: float, movement: float) -> None:
         self.start = start
         self.voltage = voltage
         self.duration = duration
         self.movement = movement
-        self.bias = bias
         self.e_before = math.nan
         self.e_pulse = math.nan
         self.result: PolarityResult | None = None
 
     def step(self, t: float, e: float) -> float:
-        """Bias alone, then the pulse, then bias alone for good."""
+        """Nothing, then the pulse, then nothing for good."""
         if math.isnan(self.e_before):
             self.e_before = e
         pulsing = t - self.start - self.duration
         if pulsing < 0.0 or self.result is not None:
-            return self.bias
+            return 0.0
         if math.isnan(self.e_pulse):
             self.e_pulse = e
         self.result = self._judge(pulsing, e)
-        return self.bias + (self.voltage if self.result is None else 0.0)
+        return self.voltage if self.result is None else 0.0
 
     def _judge(self, pulsing: float, e: float) -> PolarityResult | None:
         drift = (self.e_before - self.e_pulse) / self.duration

@@ -1,7 +1,8 @@
 """The guard alone decides what reaches an actuator. Pure: time and values in, verdicts out.
 
-Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives every
-axis of the rig to neutral in the same tick and latches. Output and slew limits clip instead.
+Inputs are inspected before the controllers run, commands after them. A verdict is a `Trip`: it drives the
+rig, or under `guard.fault_policy: axis` the axis, to neutral in the same tick and latches. Limits of output
+and slew clip instead.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from drivers.base import Sample
     from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+    from seod.loop.sensor import Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,46 +102,55 @@ class AxisGuard:
         name: The axis, for messages.
         limits: Its limits, in SI units.
         guard: The rig's guard settings.
+        quantity: What the sensor measures, for messages.
     """
 
     SPEED_WINDOW_S = 5e-3
 
-    def __init__(self, name: str, limits: LimitsConfig, guard: GuardConfig) -> None:
+    def __init__(
+        self, name: str, limits: LimitsConfig, guard: GuardConfig, quantity: str = "position"
+    ) -> None:
         self.name = name
+        self.quantity = quantity
         self.limits = limits
         self.guard = guard
         self.speed = SpeedMeter(self.SPEED_WINDOW_S)
         self.swing: SwingMeter | None = None
+        self.sensor: Sensor | None = None
+        """What the axis measures with, where it can be in trouble."""
         self.moved_at = -math.inf
         self.last_y = math.nan
         self.last_u = 0.0
         self.last_t = -math.inf
 
     def ready(self, t: float, sample: Sample, y: float) -> Trip | None:
-        """Why this axis could not be moved now: silent or non-finite sensor, outside its travel."""
-        return self._stale(t, sample) or self._finite(y) or self._travel(y)
+        """Why this axis could not be moved now: silent, unsound or non-finite sensor, outside its travel."""
+        return self._stale(t, sample) or self._unsound() or self._finite(y) or self._travel(y)
 
-    def inspect(self, t: float, sample: Sample, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
+    def inspect(
+        self, t: float, sample: Sample, y: float, swing: float | None, exciting: bool, growth_counts: bool
+    ) -> Trip | None:
         """Judge the newest sample of a moving axis.
 
         Args:
             t: Tick time [s].
             sample: Raw sample, for its time.
-            y: Position in SI units.
+            y: Measurement in SI units.
+            swing: What swings in the limit cycle [unit of the position]; None while nothing should.
             exciting: The relay is on: the sensor must move.
             growth_counts: The relay has been at its amplitude long enough for growth to mean something.
         """
         return (
             self.ready(t, sample, y)
             or self._speed(sample, y)
-            or self._amplitude(t, y, exciting, growth_counts)
+            or self._amplitude(t, swing, growth_counts)
             or self._frozen(t, y, exciting)
         )
 
     def pass_command(self, t: float, u: float) -> float:
         """Clip a command to output and slew limits [V]; `u` must be finite."""
         limit = self.limits.output
-        out = max(-limit, min(limit, u))
+        out = u if -limit <= u <= limit else math.copysign(limit, u)
         if self.limits.slew is not None:
             step = self.limits.slew * min(t - self.last_t, 1.0)
             out = max(self.last_u - step, min(self.last_u + step, out))
@@ -162,6 +173,11 @@ class AxisGuard:
             {"age_s": age if math.isfinite(age) else -1.0, "limit_s": self.guard.stale},
         )
 
+    def _unsound(self) -> Trip | None:
+        if self.sensor is None or not self.sensor.trouble:
+            return None
+        return Trip("sensor_range", f"{self.name}: {self.sensor.trouble}")
+
     def _finite(self, y: float) -> Trip | None:
         if math.isfinite(y):
             return None
@@ -173,24 +189,25 @@ class AxisGuard:
             return None
         return Trip(
             "travel",
-            f"{self.name}: position {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
-            {"position": y, "low": low, "high": high},
+            f"{self.name}: {self.quantity} {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
+            {self.quantity: y, "low": low, "high": high},
         )
 
     def _speed(self, sample: Sample, y: float) -> Trip | None:
-        if sample.t <= (self.speed.points[-1][0] if self.speed.points else -math.inf):
+        most = self.limits.speed
+        if most is None or sample.t <= (self.speed.points[-1][0] if self.speed.points else -math.inf):
             return None
         speed = self.speed.update(sample.t, y)
-        if abs(speed) <= self.limits.speed:
+        if abs(speed) <= most:
             return None
         return Trip(
             "speed",
-            f"{self.name}: speed {speed:.4g} is over limits.speed {self.limits.speed:.4g}",
-            {"speed": speed, "limit": self.limits.speed},
+            f"{self.name}: speed {speed:.4g} is over limits.speed {most:.4g}",
+            {"speed": speed, "limit": most},
         )
 
-    def _amplitude(self, t: float, y: float, exciting: bool, growth_counts: bool) -> Trip | None:
-        if not exciting:
+    def _amplitude(self, t: float, y: float | None, growth_counts: bool) -> Trip | None:
+        if y is None:
             self.swing = None
             return None
         if self.swing is None:
@@ -202,8 +219,8 @@ class AxisGuard:
                 f"{self.name}: amplitude {swing:.4g} is over limits.amplitude {self.limits.amplitude:.4g}",
                 {"amplitude": swing, "limit": self.limits.amplitude},
             )
-        growth = self.swing.growth()
-        if growth_counts and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
+        growth = self.swing.growth() if growth_counts else 1.0
+        if growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",
                 f"{self.name}: the oscillation grew {growth:.3g} times within a few periods; "
@@ -223,7 +240,7 @@ class AxisGuard:
             "frozen_sensor",
             f"{self.name}: the sensor has read {y:.6g} for {still * 1e3:.0f} ms while the relay is on; "
             f"guard.frozen is {self.guard.frozen * 1e3:.0f} ms",
-            {"position": y, "still_s": still, "limit_s": self.guard.frozen},
+            {self.quantity: y, "still_s": still, "limit_s": self.guard.frozen},
         )
 
 

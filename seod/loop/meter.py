@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from typing import TYPE_CHECKING
 
-from seod.ring import HISTOGRAM_BINS, Word
+from seod.ring import Word, bin_edges_us
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from seod.loop.pacer import Pacer
     from seod.ring import Shared
 
+EDGES_US = tuple(bin_edges_us())
 COUNTERS_EVERY = 50
 """Ticks between copies of the driver's counters into the shared memory."""
 
@@ -45,7 +47,7 @@ class TickMeter:
             self.lateness_max = floats[Word.LATENESS_MAX_D] = lateness
         if execution > self.execution_max:
             self.execution_max = floats[Word.EXECUTION_MAX_D] = execution
-        age = t - min(sample.t for sample in samples)
+        age = t - min([sample.t for sample in samples])
         floats[Word.SAMPLE_AGE_D] = age
         if self.age_max < age < math.inf:
             self.age_max = floats[Word.SAMPLE_AGE_MAX_D] = age
@@ -62,5 +64,4 @@ class TickMeter:
 
 def histogram_bin(seconds: float) -> int:
     """Index of the bin for a time [s]; bins as in `seod.ring.bin_edges_us`."""
-    us = seconds * 1e6
-    return 0 if us <= 1.0 else min(HISTOGRAM_BINS - 1, math.ceil(4.0 * math.log2(us)))
+    return bisect_left(EDGES_US, seconds * 1e6)

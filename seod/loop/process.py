@@ -10,9 +10,10 @@ from drivers import driver_class
 from drivers.base import Driver, DriverError
 from seod.config.model import RigConfig
 from seod.config.truth import truth
+from seod.loop.channels import input_channels
 from seod.loop.guard import Trip
 from seod.loop.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
-from seod.loop.tick import Loop, input_channels
+from seod.loop.tick import Loop
 from seod.process import ChildArguments, die_with_parent, read_memfd, send_json
 from seod.realtime import enter_realtime
 from seod.ring import AxisState, Shared

@@ -36,8 +36,9 @@ class RowLog:
         values: list[float] = [t]
         for axis, u_asked, u in zip(self.axes, asked, volts, strict=True):
             t_sample = axis.sample.t if math.isfinite(axis.sample.t) else t
-            values += (t_sample, axis.y, axis.reference, u, left, axis.amplitude(t), axis.bias, axis.error)
-            values += (axis.state, axis.flags(t, u_asked, u))
+            mode, around = axis.mode, axis.conditions
+            values += (t_sample, axis.y, mode.reference, u, left, axis.amplitude(t), mode.bias, mode.signal)
+            values += (around.ps, around.temperature, around.K_L, axis.state, axis.flags(t, u_asked, u))
         words = self.shared.words
         self.tick, self.values = words[Word.TICKS], values
         words[Word.TICKS] = self.tick + 1

@@ -9,12 +9,15 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
+from seod.config.sensors import index_channel
 from seod.loop import guard
 from seod.loop.axis import Axis
+from seod.loop.channels import condition_channels, input_channels
 from seod.loop.guard import Trip
 from seod.loop.meter import TickMeter
 from seod.loop.rowlog import RowLog
-from seod.ring import Word
+from seod.loop.turns import Turns
+from seod.ring import AxisState, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -59,14 +62,24 @@ class Loop:
         self.axes = [Axis(name, config, shared.events.put) for name in config.axes]
         channels = input_channels(config)
         self.sensor_of = [channels.index(config.sensors[a.config.sensor].channel) for a in self.axes]
+        self.conditions_of = [
+            (axis.conditions, slow)
+            for axis in self.axes
+            if (slow := condition_channels(config, axis.config, channels)) != [None, None]
+        ]
+        self.marks = [
+            (axis.sensor, channels.index(channel))
+            for axis in self.axes
+            if (channel := index_channel(config.sensors[axis.config.sensor])) is not None
+        ]
         estop = config.guard.estop
         self.estop_index = None if estop is None else channels.index(estop.channel)
         self.overruns = guard.OverrunGuard(config.guard.overruns.count, config.guard.overruns.window)
         self.keepalive = -math.inf
         self.pending: Trip | None = None
-        self.fault_noted = False
         self.trouble = ""
         self.samples: Sequence[Sample] = ()
+        self.turns = Turns(config.excitation.turn)
         self.log = RowLog(shared, self.axes)
         self.meter = TickMeter(shared, driver, self.period)
         self.in_force = pacer.now(), [0.0] * len(self.axes)
@@ -93,19 +106,31 @@ class Loop:
         """Read, sense, obey, guard, command, guard, write, log: at time `t` [s]."""
         self.samples = self.driver.read(t)
         self.log.flush(self.driver.left())
+        for sensor, index in self.marks:
+            sensor.mark(self.samples[index].value)
         for axis, index in zip(self.axes, self.sensor_of, strict=True):
             axis.sense(self.samples[index])
+        for conditions, slow in self.conditions_of:
+            conditions.sense(t, *[None if index is None else self.samples[index] for index in slow])
         self.obey(t)
-        trip = self.inspect(t)
-        asked = [0.0 if trip else axis.command(t) for axis in self.axes]
-        trip = trip or next((axis.trip for axis in self.axes if axis.trip and axis.active), None)
-        if trip is not None:
-            self.fault(t, trip)
+        self.inspect(t)
+        self.turns.step(t)
+        asked = [axis.command(t) for axis in self.axes]
+        self.inspect_commands(t)
         left, volts = self.write(t, asked)
         self.log.keep(t, left, asked, volts)
 
-    def inspect(self, t: float) -> Trip | None:
-        """The guard's verdict before anything is commanded."""
+    def inspect(self, t: float) -> None:
+        """The guard's verdict before anything is commanded: on the rig, then on each axis that may move."""
+        trip = self.inspect_rig(t)
+        if trip is not None:
+            self.fault(t, trip)
+        for axis in self.axes:
+            if axis.active and (trip := axis.inspect(t)) is not None:
+                self.fault(t, trip, axis)
+
+    def inspect_rig(self, t: float) -> Trip | None:
+        """What concerns all axes."""
         trip, self.pending = self.pending, None
         late = self.overruns.inspect(t, self.pacer.lateness, self.period)
         self.note_trouble(t)
@@ -117,16 +142,24 @@ class Loop:
             or self.estop(t)
             or late
             or guard.dead_man(self.config.guard.dead_man, t, self.keepalive)
-            or next((trip for axis in self.axes if axis.active and (trip := axis.inspect(t))), None)
         )
+
+    def inspect_commands(self, t: float) -> None:
+        """What the controllers found wrong while they computed their commands."""
+        for axis in self.axes:
+            if axis.active and axis.trip is not None:
+                self.fault(t, axis.trip, axis)
 
     def write(self, t: float, asked: list[float]) -> tuple[float, list[float]]:
         """Send what the guard passes, or neutral; returns the command in force: when it left [s], volts."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         if any(axis.active for axis in self.axes):
-            volts = [axis.guard.pass_command(t, u) for axis, u in zip(self.axes, asked, strict=True)]
-            raw = [axis.raw_neutral + axis.raw_per_volt * u for axis, u in zip(self.axes, volts, strict=True)]
+            volts, raw = [], []
+            for axis, u in zip(self.axes, asked, strict=True):
+                volt = axis.guard.pass_command(t, u) if axis.active else 0.0
+                volts.append(volt)
+                raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
             left = self.driver.write(t, raw)
         else:
             volts = [0.0] * len(self.axes)
@@ -153,39 +186,40 @@ class Loop:
         elif op == "estop":
             self.pending = Trip("estop", "e-stop by a client")
         elif op == "start":
-            return self.start(t, chosen)
+            in_turn = message["axis"] is None and self.config.excitation.order == "in_turn"
+            return self.start(t, chosen, in_turn)
+        elif op == "drive":
+            return self.start(t, chosen, **message["values"])
         elif op == "stop":
             for axis in chosen:
                 axis.stop(t)
         elif op == "reset":
-            self.reset(t)
+            for axis in chosen:
+                axis.reset(t)
         elif op == "set":
             return self.change(t, chosen, message["values"])
         else:
             return f"unknown command {op!r}"
         return None
 
-    def start(self, t: float, chosen: list[Axis]) -> str | None:
-        """Start axes, all or none; returns why not."""
+    def start(self, t: float, chosen: list[Axis], in_turn: bool = False, **drive: float) -> str | None:
+        """Start axes, or drive them (`Axis.drive`), all or none; returns why not."""
         estop = self.estop(t)
         if self.trouble or estop is not None:
             return self.trouble or (estop.why if estop else None)
         self.keepalive = t
         started: list[Axis] = []
         for axis in chosen:
-            error = axis.start(t)
+            waiting = in_turn and axis is not chosen[0]
+            error = axis.drive(t, **drive) if drive else axis.start(t, waiting=waiting)
             if error is not None:
                 for other in started:
                     other.stop(t, "another axis could not start")
                 return error
             started.append(axis)
+        if in_turn:
+            self.turns.begin(chosen)
         return None
-
-    def reset(self, t: float) -> None:
-        """Leave the fault on all axes."""
-        self.fault_noted = False
-        for axis in self.axes:
-            axis.reset(t)
 
     def change(self, t: float, chosen: list[Axis], values: dict[str, float]) -> str | None:
         """Set values on axes; returns why not."""
@@ -196,22 +230,24 @@ class Loop:
             self.shared.events.put({"event": "changed", "t": t, "axis": axis.name, "values": values})
         return None
 
-    def fault(self, t: float, trip: Trip) -> None:
-        """Latch every axis; the first reason is the one told."""
-        if not self.fault_noted:
-            self.fault_noted = True
-            axis = next((a.name for a in self.axes if trip.why.startswith(a.name + ":")), None)
+    def fault(self, t: float, trip: Trip, axis: Axis | None = None) -> None:
+        """Latch the axis whose fault it is, or all of them; of each axis the first reason is the one told."""
+        alone = axis is not None and self.config.guard.fault_policy == "axis"
+        chosen = [axis] if axis is not None and alone else self.axes
+        latched = [each for each in chosen if each.state is not AxisState.FAULT]
+        if latched:
             self.shared.events.put(
                 {
                     "event": "fault",
                     "t": t,
-                    "axis": axis,
+                    "axis": axis.name if axis else None,
+                    "latched": [each.name for each in latched],
                     "code": trip.code,
                     "why": trip.why,
                     "numbers": {k: v for k, v in trip.numbers.items() if math.isfinite(v)},
                 }
             )
-        for each in self.axes:
+        for each in latched:
             each.fault(t, trip)
 
     def estop(self, t: float) -> Trip | None:
@@ -238,11 +274,3 @@ class Loop:
         self.log.flush(math.nan)
         self.meter.publish_counters()
         self.driver.close()
-
-
-def input_channels(config: RigConfig) -> list[str]:
-    """Channels that the loop reads: each axis' sensor, then the e-stop line."""
-    channels = [config.sensors[axis.sensor].channel for axis in config.axes.values()]
-    if config.guard.estop is not None:
-        channels.append(config.guard.estop.channel)
-    return list(dict.fromkeys(channels))

@@ -95,7 +95,8 @@ class FakeLoop:
         tick = words[Word.TICKS]
         position = 0.2 * math.sin(115.0 * self.t) if y is None else y
         volts = -math.copysign(0.5, position)
-        one = (self.t, position, 0.0, volts, self.t + 1e-4, 0.5, 0.0, -position, int(self.state), flags)
+        one = (self.t, position, 0.0, volts, self.t + 1e-4, 0.5, 0.0, -position)
+        one = (*one, math.nan, math.nan, 17.0, int(self.state), flags)
         ring = self.shared.row_ring
         values = one * len(self.axes)
         self.shared.row_struct.pack_into(ring.data, ring.next_offset(), tick, self.t, *values)

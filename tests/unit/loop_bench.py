@@ -6,8 +6,9 @@ from typing import Any
 
 from drivers.virtual import VirtualDriver, VirtualOptions
 from seod.config.model import RigConfig
+from seod.loop.channels import input_channels
 from seod.loop.pacer import SimulatedPacer
-from seod.loop.tick import Loop, input_channels
+from seod.loop.tick import Loop
 from seod.ring import AXIS_FIELDS, AxisState, Shared, Word
 from sim.config import SimulationConfig
 
@@ -64,10 +65,10 @@ RIG: dict[str, Any] = {
 class Bench:
     """Drives a loop by hand and reads what it publishes, as the gateway would."""
 
-    def __init__(self, changes: dict[str, Any] | None = None) -> None:
-        self.config = RigConfig.model_validate(merge(RIG, changes or {}))
+    def __init__(self, changes: dict[str, Any] | None = None, rig: dict[str, Any] = RIG) -> None:
+        self.config = RigConfig.model_validate(merge(rig, changes or {}))
         self.shared = Shared(len(self.config.axes), 1 << 16)
-        self.pacer = SimulatedPacer(PERIOD, self.shared)
+        self.pacer = SimulatedPacer(1.0 / self.config.loop.rate_hz, self.shared)
         simulation = SimulationConfig.model_validate(self.config.simulation)
         options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
         self.driver = VirtualDriver(options, self.pacer.now)
@@ -111,16 +112,25 @@ class Bench:
         return self.driver.rig.state(self.pacer.now())["motor"]["voltage"]
 
     def rows(self) -> list[dict[str, float]]:
+        """New rows with the values of the first axis."""
+        return [{"tick": tick, "tick_time": t, **axes[0]} for tick, t, axes in self.axis_rows()]
+
+    def axis_rows(self) -> list[tuple[int, float, list[dict[str, float]]]]:
+        """New rows: tick, tick time [s] and the named values of each axis."""
+        names = (*AXIS_FIELDS, "state", "flags")
+        width = len(names)
+        out = []
+        for tick, t, *flat in self._new_rows():
+            cuts = range(0, width * len(self.loop.axes), width)
+            out.append((tick, t, [dict(zip(names, flat[at : at + width], strict=True)) for at in cuts]))
+        return out
+
+    def _new_rows(self) -> list[tuple[Any, ...]]:
         ring = self.shared.row_ring
         tail, head = ring.pending()
         ring.tail = head
-        out = []
-        for entry in range(tail, head):
-            at = (entry % ring.slots) * ring.slot_bytes
-            tick, t, *axis = self.shared.row_struct.unpack_from(ring.data, at)
-            named = dict(zip((*AXIS_FIELDS, "state", "flags"), axis, strict=False))
-            out.append({"tick": tick, "tick_time": t, **named})
-        return out
+        offsets = [(entry % ring.slots) * ring.slot_bytes for entry in range(tail, head)]
+        return [self.shared.row_struct.unpack_from(ring.data, at) for at in offsets]
 
     def faults(self) -> list[str]:
         return [e["code"] for e in self.take("fault")]

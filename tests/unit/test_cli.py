@@ -10,7 +10,7 @@ from fake_loop import eventually, running
 from typer import BadParameter
 from typer.testing import CliRunner
 
-from seod import __version__
+from seod import __version__, text
 from seod.cli import app, read_assignments
 from seod.paths import configs_dir
 
@@ -38,8 +38,10 @@ async def test_commands_reach_the_rig():
         assert (await on(run, "stop"))[0] == 0
         assert (await on(run, "estop"))[0] == 0
         assert (await on(run, "reset"))[0] == 0
+        assert (await on(run, "reset", "roll"))[0] == 0
         told = [(command["op"], command["axis"]) for command in run.loop.taken]
-        assert told == [("set", 1), ("start", 1), ("stop", None), ("estop", None), ("reset", None)]
+        assert told[:4] == [("set", 1), ("start", 1), ("stop", None), ("estop", None)]
+        assert told[4:] == [("reset", None), ("reset", 1)]
 
 
 async def test_answers_for_people_and_for_programs():
@@ -97,6 +99,7 @@ def test_wrong_usage_is_exit_code_2(words):
 def test_assignments():
     assert read_assignments(["e_a=1.5"]) == (None, {"e_a": 1.5})
     assert read_assignments(["roll", "K_L=17", "method=exact"]) == ("roll", {"K_L": 17.0, "method": "exact"})
+    assert read_assignments(["reference=70", "trim=false"]) == (None, {"reference": 70.0, "trim": False})
     with pytest.raises(BadParameter, match=r"'1\.5' is not NAME=VALUE"):
         read_assignments(["roll", "e_a=2", "1.5"])
 
@@ -147,4 +150,9 @@ def test_every_command_of_this_version_is_there():
     assert code == 0
     named = set(re.findall(r"^  (\w+)  ", out.partition("Commands:")[2], re.MULTILINE))
     over_tcp = {"status", "watch", "get", "set", "start", "stop", "estop", "reset"}
-    assert named == {"run", "rig", "check"} | over_tcp
+    assert named >= {"run", "rig", "check", "latency", "calibrate"} | over_tcp
+
+
+def test_settings_in_words():
+    told = text.settings({"e_a": 1.5, "K_L": None, "trim": True, "method": "exact"})
+    assert told == "e_a = 1.5, K_L = -, trim = true, method = exact"

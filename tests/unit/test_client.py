@@ -215,6 +215,20 @@ async def test_the_board_follows_events_and_tells_ages_and_faults():
     assert board.axes["motor"]["fault"] is None
 
 
+async def test_the_board_of_several_axes_shows_which_one_is_in_fault():
+    async with running(("pitch", "roll")) as run, asyncio.timeout(20):
+        client = await asyncio.to_thread(blocking, run)
+        with client:
+            board = Board(await asyncio.to_thread(client.status), 0.0)
+    fault = {"event": "fault", "axis": "roll", "latched": ["roll"], "code": "travel", "why": "roll: too far"}
+    board.take({"method": "event", "params": fault}, 1.0)
+    assert [axis["state"] for axis in board.axes.values()] == ["idle", "fault"]
+    console = Console(file=io.StringIO(), width=80)
+    console.print(board.render(1.0))
+    assert "pitch" in console.file.getvalue()
+    assert "fault: roll: too far" in console.file.getvalue()
+
+
 def test_numbers_for_people():
     assert text.with_sd(0.210341, 0.00041) == "0.21034 ± 0.00041"
     assert text.with_sd(117.0312, 0.24) == "117.03 ± 0.24"

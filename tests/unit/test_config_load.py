@@ -101,7 +101,7 @@ SHAPE = [
     ("travel: [-60 deg, 60 deg]", "travel: [-60 deg]", "limits.travel", "has too few entries, got ["),
     ("travel: [-60 deg, 60 deg]", "travel: 60 deg", "limits.travel", "must be a list"),
     ("travel: [-60 deg, 60 deg]", "travel: [-60 deg, x]", "limits.travel[1]", 'got "x"'),
-    ("mode: position ", "mode: velocity ", "mode", "must be 'position'"),
+    ("mode: position ", "mode: speed ", "mode", "must be 'position' or 'velocity'"),
     ("movement: 30 mrad", "motion: 30 mrad", "polarity.motion", "unknown key"),
     ("K_L: 17                     #", "K_L: '17' #", "K_L", "must be a number"),
     ("port: 7600", "port: 70000", "server.port", "must be <= 65535, got 70000"),

@@ -87,6 +87,10 @@ async def test_samples_follow_the_rows_in_order_and_none_is_missing():
         "reference": 0.0,
         "signal": -samples[7]["y"],
         "e_a": 0.5,
+        "bias": 0.0,
+        "ps": None,
+        "temperature": None,
+        "K_L": 17.0,
         "state": "idle",
         "fresh": True,
     }
@@ -187,6 +191,22 @@ async def test_a_lost_state_event_is_made_up_for_by_the_rows():
         assert (await client.call("get"))["fault"]["why"] == "the reason was lost"
 
 
+async def test_a_fault_that_one_axis_latched_leaves_the_others_alone():
+    async with running(("pitch", "roll")) as run, peer(run) as client:
+        await client.call("subscribe", topics=["event"])
+        for axis in run.loop.axes:
+            run.loop.become(AxisState.EXCITING, axis)
+        run.loop.event("fault", axis="roll", latched=["roll"], code="travel", why="roll: too far", numbers={})
+        run.loop.become(AxisState.FAULT, "roll")
+        await client.until("event", state="fault")
+        pitch, roll = [await client.call("get", axis=axis) for axis in run.loop.axes]
+        assert (pitch["state"], pitch["fault"]) == ("exciting", None)
+        assert (roll["state"], roll["fault"]["why"]) == ("fault", "roll: too far")
+        assert (await client.call("info"))["state"] == "fault"
+        await client.call("reset", axis="roll")
+        assert [(c["op"], c["axis"]) for c in run.loop.taken] == [("reset", 1)]
+
+
 async def test_a_row_written_before_the_fault_does_not_take_it_back():
     async with running() as run:
         axis = run.gateway.rig.axes["motor"]
@@ -277,7 +297,7 @@ async def test_a_restarted_loop_has_the_rig_files_relay_again():
         run.loop.start(generation=2)
         await eventually(lambda: run.gateway.rig.mailbox.ticking)
         settings = (await client.call("get"))["settings"]
-    assert (settings["e_a"], settings["K_L"]) == (0.5, 20.0)
+    assert (settings["e_a"], settings["K_L"]) == (0.5, 17.0)
 
 
 async def test_an_estimator_that_cannot_compute_is_told_and_begins_anew(monkeypatch):

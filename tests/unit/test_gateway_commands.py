@@ -67,8 +67,8 @@ async def test_several_axes_must_be_named_where_one_is_meant():
 
 async def test_estimator_settings_stay_in_the_gateway():
     async with running() as run, peer(run) as client:
-        answer = await client.call("set", axis="motor", method="peaks", K_L=20)
-        assert (answer["settings"]["method"], answer["settings"]["K_L"]) == ("peaks", 20.0)
+        answer = await client.call("set", axis="motor", method="peaks")
+        assert answer["settings"]["method"] == "peaks"
         assert not run.loop.taken
         await client.call("subscribe", topics=["estimate"])
         run.loop.rows(1000)
@@ -97,3 +97,32 @@ async def test_before_the_loop_ticks_commands_are_refused():
         run.loop.row()
         await eventually(lambda: run.gateway.rig.mailbox.ticking)
         assert (await client.call("start")) == {"ok": True}
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"volts": -2.1, "duration": 0.1}, "volts: |volts| + |bias| = 2.1 V is over limits.output = 2 V"),
+        ({"volts": 0.1, "duration": 1e9}, "duration: must be at most limits.excitation"),
+        ({"volts": 0.1}, "duration: required"),
+        ({"volts": 0.1, "duration": -1}, "duration: should be greater than 0"),
+    ],
+)
+async def test_a_drive_is_held_against_the_limits(values, told):
+    async with running() as run, peer(run) as client:
+        error = await client.call("drive", **values)
+        assert not run.loop.taken
+        await client.call("drive", volts=0.5, duration=0.2)
+    assert error["code"] == INVALID_PARAMS
+    assert told in error["message"]
+    assert [(c["op"], c["axis"], c["values"]) for c in run.loop.taken] == [
+        ("drive", 0, {"volts": 0.5, "duration": 0.2})
+    ]
+
+
+async def test_a_new_method_is_told_to_everyone():
+    async with running() as run, peer(run) as client:
+        await client.call("subscribe", topics=["event"])
+        await client.call("set", axis="motor", method="peaks", e_a=0.7)
+        await client.until("event", event="changed", values={"e_a": 0.7})
+        await client.until("event", event="changed", values={"method": "peaks"})

@@ -22,7 +22,7 @@ def axis_guard(**changes: object) -> guard.AxisGuard:
 
 def feed(judge: guard.AxisGuard, points: list[tuple[float, float]], exciting: bool = True) -> str | None:
     for t, y in points:
-        trip = judge.inspect(t, Sample(y, t), y, exciting, exciting)
+        trip = judge.inspect(t, Sample(y, t), y, y if exciting else None, exciting, exciting)
         if trip is not None:
             return trip.code
     return None
@@ -55,7 +55,7 @@ def test_growth_is_that_of_whole_oscillations(hertz: float) -> None:
 def test_growth_counts_only_when_told_so() -> None:
     judge = axis_guard()
     for t, y in sine(0.005, 8.0, 1.6, growth=8.0):
-        assert judge.inspect(t, Sample(y, t), y, True, False) is None
+        assert judge.inspect(t, Sample(y, t), y, y, True, False) is None
 
 
 def test_frozen_sensor_trips_only_while_the_relay_is_on() -> None:
@@ -79,7 +79,7 @@ def test_stale_and_unheard_samples() -> None:
 
 def test_a_reading_that_is_no_number_trips() -> None:
     for y in (math.nan, math.inf, -math.inf):
-        trip = axis_guard().inspect(1.0, Sample(y, 1.0), y, True, False)
+        trip = axis_guard().inspect(1.0, Sample(y, 1.0), y, y, True, False)
         assert trip is not None
         assert trip.code == "non_finite"
 

@@ -285,7 +285,7 @@ def test_set_takes_effect_while_running_and_is_held_to_the_limits(bench: Callabl
     assert {round(r["u"], 9) for r in rig.rows()} == {0.35, -0.25}
     for values in ({"e_a": 2.1}, {"e_a": 1.0, "bias": 1.2}, {"e_a": 0.0}, {"hysteresis": 0.7}, {"gain": 1.0}):
         assert rig.call("set", **values) is not None
-    assert rig.loop.axes[0].e_a == 0.3
+    assert rig.loop.axes[0].settings["e_a"] == 0.3
 
 
 def test_rows_are_the_ticks_without_a_gap(bench: Callable[..., Bench]) -> None:
@@ -320,3 +320,44 @@ def test_a_command_that_did_not_leave_is_not_in_the_rows(bench: Callable[..., Be
 
 def test_unknown_command_is_answered(bench: Callable[..., Bench]) -> None:
     assert bench().call("dance") == "unknown command 'dance'"
+
+
+def test_a_drive_puts_out_its_voltage_and_goes_back(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(relay={"bias": 0.1}))
+    assert rig.call("drive", volts=-0.3, duration=0.2) is None
+    rig.run(0.3)  # the polarity pulse, and the way back from it
+    while rig.state is AxisState.ARMED:
+        rig.run(0.01)
+    rig.rows()
+    rig.run(0.1)
+    rows = rig.rows()[10:]
+    assert [r["u"] for r in rows] == pytest.approx([-0.2] * len(rows))
+    assert {r["e_a"] for r in rows} == {0.0}
+    assert not any(int(r["flags"]) & FLAG_EXCITING for r in rows)
+    rig.run(4.0)
+    assert [e["state"] for e in rig.take("state")] == ["armed", "exciting", "holding", "idle"]
+
+
+def test_a_drive_is_guarded_all_the_way(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(polarity={"enabled": False}))
+    rig.call("drive", volts=1.5, duration=1.0)
+    rig.run(0.5)
+    assert rig.faults() == ["travel"]
+    assert rig.volts == 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"volts": 2.1, "duration": 0.1}, "limits.output"),
+        ({"volts": math.nan, "duration": 0.1}, "limits.output"),
+        ({"volts": 0.1, "duration": 61.0}, "limits.excitation"),
+        ({"volts": 0.1, "duration": 0.0}, "duration must be > 0"),
+    ],
+)
+def test_a_drive_beyond_the_limits_is_refused(
+    bench: Callable[..., Bench], values: dict[str, float], told: str
+) -> None:
+    rig = bench()
+    assert told in str(rig.loop.start(rig.pacer.now(), rig.loop.axes, **values))
+    assert rig.state is AxisState.IDLE

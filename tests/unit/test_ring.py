@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seod.ring import MESSAGE_SLOTS, Shared, Word, bin_edges_us
+from seod.ring import AXIS_FIELDS, MESSAGE_SLOTS, Shared, Word, bin_edges_us
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,9 +22,12 @@ def shared() -> Iterator[Shared]:
     block.close()
 
 
+NUMBERS = [0.0] * len(AXIS_FIELDS)
+
+
 def put_row(block: Shared, number: int) -> None:
     ring = block.row_ring
-    block.row_struct.pack_into(ring.data, ring.next_offset(), number, 0.5, *[0.0] * 8, 1, 2, *[0.0] * 8, 3, 4)
+    block.row_struct.pack_into(ring.data, ring.next_offset(), number, 0.5, *NUMBERS, 1, 2, *NUMBERS, 3, 4)
     ring.commit()
 
 

@@ -1,0 +1,120 @@
+"""One axis of a running daemon, as the calibration drives it over TCP."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from seod.calibrate.procedure import CalibrationError
+from seod.calibrate.recording import recording
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from seod.calibrate.recording import Recording
+    from seod.client import Client
+
+REST_S = 0.25
+"""Idle time after a drive, so that no movement of one is left in the next."""
+SILENCE_S = 15.0
+"""A drive must be over, hold included, this long after its voltage."""
+REST_ROWS = 400
+MAX_TRIES = 3
+
+
+class RemoteRig:
+    """See `seod.calibrate.procedure.Rig`.
+
+    Args:
+        client: A connection that may command and that nobody else uses meanwhile.
+        axis: Name of the axis; it must be idle.
+    """
+
+    def __init__(self, client: Client, axis: str) -> None:
+        self.client = client
+        self.axis = axis
+        self.polarity: dict[str, Any] | None = None
+        """The guard's `polarity` event; None while it has not pulsed."""
+        client.subscribe(["sample", "event"], [axis])
+        self._newest = self._first()
+        self._rest: deque[dict[str, Any]] = deque([self._newest], maxlen=REST_ROWS)
+
+    def _first(self) -> dict[str, Any]:
+        for sample in self._samples(SILENCE_S):
+            return sample
+        raise CalibrationError(f"no samples of {self.axis} within {SILENCE_S:g} s")
+
+    def position(self) -> float:
+        """Newest reading [axis unit]."""
+        return float(self._newest["y"])
+
+    def gain(self) -> float:
+        """K_L in force [axis unit/s/V].
+
+        Raises:
+            CalibrationError: It is not known: the sensor of the supply pressure is silent.
+        """
+        K_L = self._newest["K_L"]
+        if K_L is None:
+            raise CalibrationError(f"K_L of {self.axis} is not known: is the supply pressure measured?")
+        return float(K_L)
+
+    def bias(self) -> float:
+        """The bias in force [V]."""
+        return float(self.client.get(self.axis)["settings"]["bias"])
+
+    def set_bias(self, volts: float) -> None:
+        """Change the bias [V]."""
+        self.client.set(self.axis, bias=volts)
+
+    def drive(self, volts: float, duration: float, stay: bool = False) -> Recording:
+        """Drive and come back idle; once more where the stream had a gap just then.
+
+        Raises:
+            CalibrationError: The guard stopped it, or it does not end.
+        """
+        why = ""
+        for _ in range(MAX_TRIES):
+            self.client.drive(self.axis, volts, duration, stay)
+            try:
+                return self._record(duration)
+            except ValueError as error:
+                why = str(error)
+        raise CalibrationError(f"{MAX_TRIES} drives of {volts:+.3g} V could not be recorded: {why}")
+
+    def _record(self, duration: float) -> Recording:
+        kept: list[dict[str, Any]] = []
+        rest = deque(self._rest, maxlen=REST_ROWS)
+        moved, idle_since = False, None
+        for sample in self._samples(duration + SILENCE_S):
+            state = sample["state"]
+            if state == "exciting":
+                kept.append(sample)
+            elif not kept and state == "idle":
+                rest.append(sample)
+            if state != "idle":
+                self._rest.clear()
+            moved |= state not in ("idle", "fault")
+            if state == "fault" and moved:
+                raise CalibrationError(self._fault())
+            if state == "idle" and moved:
+                idle_since = idle_since or sample["t"]
+                self._rest.append(sample)
+                if sample["t"] - idle_since >= REST_S:
+                    return recording(rest, kept)
+        raise CalibrationError(f"{self.axis} did not come to rest within {duration + SILENCE_S:g} s")
+
+    def _samples(self, timeout: float) -> Iterator[dict[str, Any]]:
+        for message in self.client.notifications(timeout):
+            params = message["params"]
+            if message["method"] == "sample":
+                self._newest = params
+                yield params
+            elif message["method"] == "event" and params["event"] == "polarity":
+                self.polarity = params
+            elif message["method"] == "event" and params["event"] == "fault":
+                raise CalibrationError(params["why"])
+
+    def _fault(self) -> str:
+        fault = self.client.get(self.axis)["fault"]
+        return str(fault["why"]) if fault else f"{self.axis} is in fault"

@@ -1,0 +1,60 @@
+"""Shapes of `K_L` in a rig file: a number, a table over supply pressure, or a polynomial in it (Eq. 9)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from seod.config.section import FINITE, NON_NEGATIVE, POSITIVE, Section, quantity
+
+Pressure = Annotated[float, *quantity("pressure"), NON_NEGATIVE]
+
+
+class GainTable(Section):
+    """Gains measured at some supply pressures; between them a straight line, beyond them the nearest."""
+
+    ps: Annotated[list[Pressure], Field(min_length=2)]
+    """Supply pressures, ascending."""
+    K_L: Annotated[list[Annotated[float, POSITIVE]], Field(min_length=2)]
+    """The gain at each [SI unit of the position per second and volt]."""
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        if len(self.ps) != len(self.K_L):
+            counts = f"ps has {len(self.ps)} entries and K_L {len(self.K_L)}"
+            raise ValueError(f"{counts}: one gain for each pressure")
+        if any(a >= b for a, b in pairwise(self.ps)):
+            raise ValueError("ps must ascend")
+        return self
+
+
+class GainModel(Section):
+    """A gain that depends on supply pressure: `table`, or `polynomial` with its `range`."""
+
+    table: GainTable | None = None
+    """Measured points."""
+    polynomial: Annotated[list[Annotated[float, FINITE]], Field(min_length=1, max_length=6)] | None = None
+    """c0 + c1 ps + c2 ps^2 + ..., ps in Pa (Eq. 9: 4.25, 2.72e-6, -0.134e-12)."""
+    range: tuple[Pressure, Pressure] | None = None
+    """Pressures for which the polynomial holds; beyond them its value at the nearer end counts."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if (self.table is None) == (self.polynomial is None):
+            raise ValueError("needs either `table` or `polynomial`")
+        if (self.polynomial is None) != (self.range is None):
+            raise ValueError("`polynomial` and `range` belong together")
+        if self.range is not None and self.range[0] >= self.range[1]:
+            raise ValueError("the lower end of `range` must come first and lie below the upper end")
+        return self
+
+
+def _form(value: Any) -> str:
+    return "model" if isinstance(value, dict | GainModel) else "number"
+
+
+Gain = Annotated[
+    Annotated[float, POSITIVE, Tag("number")] | Annotated[GainModel, Tag("model")], Discriminator(_form)
+]

@@ -1,0 +1,73 @@
+"""What every section of a rig file is made of: strict models, and quantities that may carry their unit."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+
+from seod.config.errors import suggest
+from seod.config.units import UNITS, parse_quantity, units_of
+
+
+def quantity(*dimensions: str) -> Any:
+    """Annotations of a number in SI that may be written with a unit of these dimensions."""
+    pattern = "^ *[-+]?[0-9.]+([eE][-+]?[0-9]+)? *(" + "|".join(units_of(*dimensions)) + ") *$"
+    return (
+        BeforeValidator(lambda value: parse_quantity(value, *dimensions)),
+        WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": pattern}]}),
+    )
+
+
+def _known_unit(unit: str) -> str:
+    if unit not in UNITS:
+        raise ValueError(f"unknown unit {unit!r}; {suggest(unit, filter(None, UNITS), 'units')}")
+    return unit
+
+
+def of_dimension(unit: str, *dimensions: str) -> str:
+    """`unit`, if it has one of these dimensions.
+
+    Raises:
+        ValueError: It has not; says which units are right.
+    """
+    if UNITS[unit][0] not in dimensions:
+        raise ValueError(f"wrong unit {unit!r}: must be one of {', '.join(units_of(*dimensions))}")
+    return unit
+
+
+def _not_zero(scale: float) -> float:
+    if scale == 0:
+        raise ValueError("must not be 0: nothing would get through")
+    return scale
+
+
+FINITE = Field(allow_inf_nan=False)
+POSITIVE = Field(gt=0, allow_inf_nan=False)
+NON_NEGATIVE = Field(ge=0, allow_inf_nan=False)
+
+Voltage = Annotated[float, *quantity("voltage"), FINITE]
+PositiveVoltage = Annotated[float, *quantity("voltage"), POSITIVE]
+Slew = Annotated[float, *quantity("slew rate"), POSITIVE]
+Position = Annotated[float, *quantity("angle", "length"), FINITE]
+PositivePosition = Annotated[float, *quantity("angle", "length"), POSITIVE]
+NonNegativePosition = Annotated[float, *quantity("angle", "length"), NON_NEGATIVE]
+Measured = Annotated[float, *quantity("angle", "length", "angular speed", "speed"), FINITE]
+"""What an axis' sensor measures: a position, or in velocity mode a speed."""
+PositiveMeasured = Annotated[float, *quantity("angle", "length", "angular speed", "speed"), POSITIVE]
+Speed = Annotated[float, *quantity("angular speed", "speed"), FINITE]
+PositiveSpeed = Annotated[float, *quantity("angular speed", "speed"), POSITIVE]
+PositiveAcceleration = Annotated[float, *quantity("angular acceleration", "acceleration"), POSITIVE]
+Seconds = Annotated[float, *quantity("time"), Field(gt=0, le=1e6)]
+NonNegativeSeconds = Annotated[float, *quantity("time"), Field(ge=0, le=1e6)]
+Hertz = Annotated[float, *quantity("frequency"), POSITIVE]
+Scale = Annotated[float, FINITE, AfterValidator(_not_zero)]
+Unit = Annotated[str, AfterValidator(_known_unit), WithJsonSchema({"enum": [unit for unit in UNITS if unit]})]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+"""What the user calls an axis, a sensor or an output: becomes a word in commands and column headers."""
+
+
+class Section(BaseModel):
+    """A mapping of the rig file: unknown keys are errors, nothing is converted silently."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)

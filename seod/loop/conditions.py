@@ -1,0 +1,85 @@
+"""What an axis runs under: supply pressure, temperature, and the gain K_L that follows from the pressure."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from seod.gain import gain_of, gain_range
+from seod.loop.sensor import make_sensor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.base import Sample
+    from seod.config.model import AxisConfig, RigConfig
+    from seod.loop.sensor import Sensor
+
+SILENT_S = 1.0
+"""A slow sensor that has not been heard of for this long is silent; pressures change slowly."""
+
+
+class SlowSensor:
+    """A sensor of the surroundings: `value` in SI, nan while it is silent or not sound."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor = sensor
+        self.value = math.nan
+
+    def sense(self, t: float, sample: Sample) -> None:
+        """Take the newest sample at time `t` [s]."""
+        self.value = self.sensor.read(sample.value) if t - sample.t <= SILENT_S else math.nan
+
+
+class Conditions:
+    """K_L in force, from the rig file and the pressure, or as it was set.
+
+    Args:
+        axis: The axis.
+        rig: The rig file.
+        warn: Takes a code and a sentence for the clients.
+    """
+
+    def __init__(self, axis: AxisConfig, rig: RigConfig, warn: Callable[[str, str], None]) -> None:
+        self.warn = warn
+        self.needs_pressure = not isinstance(axis.K_L, float | int)
+        self.gain = gain_of(axis.K_L)
+        self.K_L = sum(gain_range(axis.K_L)) / 2.0
+        """The middle of the range until the pressure is known; the last one known while it is not."""
+        self.pressure = self.thermometer = None
+        if axis.supply_pressure is not None:
+            self.pressure = SlowSensor(make_sensor(rig.sensors[axis.supply_pressure]))
+        if axis.temperature is not None:
+            self.thermometer = SlowSensor(make_sensor(rig.sensors[axis.temperature]))
+        self.known = not self.needs_pressure
+
+    @property
+    def ps(self) -> float:
+        """Supply pressure [Pa]; nan where it is not known."""
+        return math.nan if self.pressure is None else self.pressure.value
+
+    @property
+    def temperature(self) -> float:
+        """Temperature [K]; nan where it is not known."""
+        return math.nan if self.thermometer is None else self.thermometer.value
+
+    def sense(self, t: float, pressure: Sample | None, temperature: Sample | None) -> None:
+        """Take the newest samples of the sensors that there are; the gain follows."""
+        if self.thermometer is not None and temperature is not None:
+            self.thermometer.sense(t, temperature)
+        if self.pressure is not None and pressure is not None:
+            self.pressure.sense(t, pressure)
+            if self.needs_pressure:
+                self._follow(self.gain(self.pressure.value))
+
+    def set(self, K_L: float) -> None:
+        """From now on the gain is this number [axis unit/s/V]."""
+        self.needs_pressure, self.known, self.K_L = False, True, K_L
+
+    def _follow(self, K_L: float) -> None:
+        heard = not math.isnan(K_L)
+        if self.known and not heard:
+            self.warn("supply_pressure", f"the sensor of supply pressure is silent: K_L stays {self.K_L:.4g}")
+        self.known = heard
+        if heard:
+            self.K_L = K_L
