@@ -8,6 +8,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 import pytest
+
 from tests.peers import Program, Rpc, port_open, until
 
 if TYPE_CHECKING:
