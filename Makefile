@@ -15,7 +15,8 @@ run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest tests/unit -n auto --dist loadfile
+	$(BIN)/pytest tests --ignore=tests/unit
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -28,7 +29,7 @@ format: $(READY)
 	$(BIN)/ruff format
 
 unit: $(READY)
-	$(BIN)/pytest tests/unit -m "not processes"
+	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not processes"
 
 processes: $(READY)
 	$(BIN)/pytest -m processes

@@ -170,7 +170,11 @@ class CanDriver(Driver):
         except UnknownFrameError:
             self.counters[count.UNKNOWN_FRAMES] += 1
             return ""
-        return decoded.message if self._inputs[decoded.message].accept(decoded, t) else ""
+        wanted = self._inputs.get(decoded.message)
+        if wanted is None:  # it came before the filters were set
+            self.counters[count.UNKNOWN_FRAMES] += 1
+            return ""
+        return decoded.message if wanted.accept(decoded, t) else ""
 
     def _judge(self, t: float) -> None:
         self._outputs.judge(t)

@@ -25,7 +25,7 @@ from seod.sdnotify import notify, watchdog_interval
 GATEWAY_RESTARTS = 5
 STILL_POLLS = 4
 """The loop hangs if it did not tick over this many polls in a row (a paused machine pauses the polls too)."""
-START_TIMEOUT_S = 30.0
+START_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True)

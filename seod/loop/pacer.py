@@ -26,10 +26,18 @@ class Pacer(Protocol):
 
 
 class TimerPacer:
-    """Free-running: absolute deadlines, one a period; deadlines missed while late are skipped."""
+    """Free-running: absolute deadlines, one a period; deadlines missed while late are skipped.
+
+    A loop that cannot keep its rate at all gives way after a while: at real-time priority it would take the
+    processor from all that could tell or change it.
+    """
+
+    BREATHLESS = 100
+    """More ticks than this without sleep, less those with: then there is a pause after each."""
 
     def __init__(self, period: float) -> None:
         self.period = period
+        self.breathless = 0
         self.deadline = time.monotonic()
         self.lateness = 0.0
 
@@ -43,11 +51,19 @@ class TimerPacer:
         left = self.deadline - time.monotonic()
         if left > 0:
             time.sleep(left)
+            self.breathless = max(0, self.breathless - 1)
+        else:
+            self._breathe()
         now = time.monotonic()
         self.lateness = now - self.deadline
         if self.lateness > self.period:
             self.deadline += (self.lateness // self.period) * self.period
         return now
+
+    def _breathe(self) -> None:
+        self.breathless = min(2 * self.BREATHLESS, self.breathless + 1)
+        if self.breathless > self.BREATHLESS:
+            time.sleep(self.period)
 
 
 class SensorPacer:

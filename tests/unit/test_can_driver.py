@@ -246,10 +246,14 @@ def test_broken_frames_are_counted_and_not_used(rig: Rig) -> None:
     rig.arrive(ENCODER, bytes(5))
     rig.arrive(ENCODER, b"", is_remote_frame=True)
     rig.arrive(0x300, bytes(8))
+    supply = CODEC.layout(
+        "Supply"
+    ).message  # of the DBC but not asked for: it came before the filters were set
+    rig.arrive(supply.frame_id, bytes(supply.length))
     assert rig.angle() == pytest.approx(1.0)
     assert rig.count("checksum_errors") == 1
     assert rig.count("wrong_length") == 1
-    assert rig.count("unknown_frames") == 2
+    assert rig.count("unknown_frames") == 3
     rig.encoder(2.0, 1)  # the broken frame's counter is not believed either
     assert rig.angle() == pytest.approx(2.0)
     assert rig.count("lost") == 0

@@ -9,9 +9,10 @@ from seod.config.check import check
 from seod.config.load import load_text
 from seod.config.traffic import can_traffic
 from seod.paths import configs_dir
+from tests.unit.rig_texts import can_at_2_khz
 
 VIRTUAL = (configs_dir() / "virtual.yaml").read_text()
-CAN = (configs_dir() / "can.yaml").read_text()
+CAN = can_at_2_khz()
 
 
 def report(text: str, *edits: tuple[str, str]):

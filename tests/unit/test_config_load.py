@@ -10,12 +10,13 @@ from drivers import driver_class
 from seod.config.load import ConfigErrors, load_rig, load_text
 from seod.config.model import RigConfig
 from seod.paths import configs_dir
+from tests.unit.rig_texts import can_at_2_khz
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 VIRTUAL = (configs_dir() / "virtual.yaml").read_text()
-CAN = (configs_dir() / "can.yaml").read_text()
+CAN = can_at_2_khz()
 
 
 def edited(text: str, old: str, new: str) -> str:

@@ -51,6 +51,21 @@ def test_missed_deadlines_are_skipped_not_made_up(clock: FakeTime) -> None:
     assert pacer.lateness == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_loop_that_cannot_keep_its_rate_gives_way_and_recovers(clock: FakeTime) -> None:
+    pacer = TimerPacer(1e-3)
+    began, work, ticks = clock.now, 1.5e-3, 1000
+    for _ in range(ticks):
+        pacer.next()
+        clock.now += work  # each tick takes longer than its period
+    slept = clock.now - began - ticks * work
+    assert slept > 0.3 * ticks * work
+    pacer.next()
+    assert pacer.lateness > 1e-3  # and it is told as late
+    for _ in range(300):
+        pacer.next()
+    assert pacer.lateness == pytest.approx(0.0, abs=1e-9)
+
+
 def test_sensor_pacer_ticks_without_a_sample_too(clock: FakeTime) -> None:
     class Silent:
         def wait(self, deadline: float) -> bool:
