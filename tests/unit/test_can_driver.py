@@ -246,9 +246,7 @@ def test_broken_frames_are_counted_and_not_used(rig: Rig) -> None:
     rig.arrive(ENCODER, bytes(5))
     rig.arrive(ENCODER, b"", is_remote_frame=True)
     rig.arrive(0x300, bytes(8))
-    supply = CODEC.layout(
-        "Supply"
-    ).message  # not asked for: it came before the filters
+    supply = CODEC.layout("Supply").message  # not asked for: it came before the filters
     rig.arrive(supply.frame_id, bytes(supply.length))
     assert rig.angle() == pytest.approx(1.0)
     assert rig.count("checksum_errors") == 1
