@@ -19,6 +19,7 @@ from seod.calibrate.value import mean, measured
 from seod.config.edit import edited, replace_file
 from seod.config.errors import ConfigErrors
 from seod.config.load import load_rig
+from seod.gain import gain_of
 from seod.paths import configs_dir
 from seod.ring import FLAG_FRESH, AxisState
 from sim.plant import LinearPlant
@@ -268,6 +269,21 @@ def test_results_go_into_the_file_and_nothing_else_changes(tmp_path: Path) -> No
     low, high = axis.calibration.K_L.interval
     assert low < axis.calibration.K_L.value < high
     assert edited(after, changes("motor", axis, answer)) == after
+
+
+def test_gain_at_several_pressures_becomes_a_table_that_the_rig_file_reads(tmp_path: Path) -> None:
+    before = (configs_dir() / "servo-virtual.yaml").read_text()
+    path = tmp_path / "rig.yaml"
+    path.write_text(before)
+    (name, axis), *_ = load_rig(path).axes.items()
+    statics = by_pressure([static_at(8e6, 17.5), static_at(5e6, 14.0), static_at(6.5e6, 16.0)])
+    edges = Edge(0.0201, 0.0202), Edge(0.0199, 0.0198)
+    result = Result(statics[-1], *edges, measured(1e-5, 1e-5, 5), Response(17.0, 117.0, 0.21, 1e-5, 1e-3))
+    answer = as_json(result, statics, "ok")
+    assert "K_L at 5e+06 Pa: 14" in as_text(name, answer)
+    replace_file(path, edited(before, changes(name, axis, answer)))
+    gain = gain_of(load_rig(path).axes[name].K_L)
+    assert [gain(ps) for ps in (4e6, 5e6, 5.75e6, 8e6, 9e6)] == pytest.approx([14.0, 14.0, 15.0, 17.5, 17.5])
 
 
 @pytest.mark.parametrize("path", sorted(configs_dir().glob("*.yaml")), ids=lambda path: path.name)
