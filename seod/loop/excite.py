@@ -100,11 +100,34 @@ class PolarityResult:
     why: str
 
 
+class DriftLine:
+    """Straight line through the errors of a rig that is left alone (least squares)."""
+
+    def __init__(self) -> None:
+        self.n = self.t = self.e = self.tt = self.te = 0.0
+
+    def add(self, t: float, e: float) -> None:
+        """One error [axis unit] at `t` [s]."""
+        self.n += 1.0
+        self.t += t
+        self.e += e
+        self.tt += t * t
+        self.te += t * e
+
+    def at(self, t: float) -> float:
+        """The line at `t` [s]; nan without points."""
+        if self.n == 0.0:
+            return math.nan
+        spread = self.tt - self.t * self.t / self.n
+        slope = (self.te - self.t * self.e / self.n) / spread if spread > 0.0 else 0.0
+        return self.e / self.n + slope * (t - self.t / self.n)
+
+
 class PolarityPulse:
     """A small pulse that shows whether a positive voltage moves the sensor up.
 
-    First it watches the drift at the bias alone, for as long as the pulse may last; then it pulses until the
-    movement beyond that drift is clear, or the time is over.
+    First it watches the drift, for as long as the pulse may last; then it pulses until the movement beyond
+    that drift is clear, `CLEAR` samples in a row, or the time is over.
 
     Args:
         start: Time of the beginning [s].
@@ -113,34 +136,38 @@ class PolarityPulse:
         movement: Movement that is clear [axis unit].
     """
 
+    CLEAR = 3
+    """One sample may be noise; so many in a row beyond `movement`, on one side, are not."""
+
     def __init__(self, start: float, voltage: float, duration: float, movement: float) -> None:
         self.start = start
         self.voltage = voltage
         self.duration = duration
         self.movement = movement
-        self.e_before = math.nan
-        self.e_pulse = math.nan
+        self.drift = DriftLine()
+        self.clear = 0
         self.result: PolarityResult | None = None
 
     def step(self, t: float, e: float) -> float:
         """Nothing, then the pulse, then nothing for good."""
-        if math.isnan(self.e_before):
-            self.e_before = e
-        pulsing = t - self.start - self.duration
-        if pulsing < 0.0 or self.result is not None:
+        since = t - self.start
+        if self.result is not None:
             return 0.0
-        if math.isnan(self.e_pulse):
-            self.e_pulse = e
-        self.result = self._judge(pulsing, e)
+        if since < self.duration or self.drift.n < self.CLEAR:
+            self.drift.add(since, e)
+            return 0.0
+        self.result = self._judge(since - self.duration, self.drift.at(since) - e)
         return self.voltage if self.result is None else 0.0
 
-    def _judge(self, pulsing: float, e: float) -> PolarityResult | None:
-        drift = (self.e_before - self.e_pulse) / self.duration
-        moved = self.e_pulse - e - drift * pulsing
+    def _judge(self, pulsing: float, moved: float) -> PolarityResult | None:
         what = f"{self.voltage:+.3g} V for {pulsing * 1e3:.0f} ms moved the sensor by {moved:+.3g}"
-        if moved >= self.movement:
+        if abs(moved) < self.movement:
+            self.clear = 0
+        else:
+            self.clear = max(self.clear, 0) + 1 if moved > 0.0 else min(self.clear, 0) - 1
+        if self.clear >= self.CLEAR:
             return PolarityResult(True, moved, what)
-        if moved <= -self.movement:
+        if self.clear <= -self.CLEAR:
             advice = "turn the sign of the sensor's or the output's scale"
             return PolarityResult(False, moved, f"wrong sign: {what}; {advice}")
         if pulsing < self.duration:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from hypothesis import given
@@ -52,6 +53,20 @@ def test_pulse_tells_the_sign_through_drift_and_noise(gain: float, drift: float)
     assert pulse.result.ok is (gain > 0)
     assert ("wrong sign" in pulse.result.why) is (gain < 0)
     assert pulse.step(6.0, 0.0) == 0.0  # nothing once it knows
+
+
+@pytest.mark.parametrize("gain", [17.0, -17.0])
+def test_single_noisy_samples_decide_nothing(gain: float) -> None:
+    """Noise of 0.4 of the movement that counts: one sample in eighty is beyond it by chance."""
+    for seed in range(200):
+        noise = random.Random(seed)
+        pulse = PolarityPulse(start=0.0, voltage=0.5, duration=0.05, movement=0.05)
+        position, t = 0.0, 0.0
+        while pulse.result is None:
+            volts = pulse.step(t, -position - noise.gauss(0.0, 0.02))
+            position += gain * volts * 5e-4
+            t += 5e-4
+        assert pulse.result.ok is (gain > 0), seed
 
 
 def test_pulse_without_movement_is_told_from_a_wrong_sign() -> None:
