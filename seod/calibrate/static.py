@@ -19,6 +19,11 @@ SAME_PRESSURE = 0.03
 """Pressures that differ by less than this share belong to one group."""
 
 
+UNSETTLED = 1e-4
+"""What is left of the step response where a drive counts as steady, in parts of the speed: it is in all
+points alike, so that no scatter shows it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
     """One steady speed: volts [V], speed and its standard deviation [axis unit/s], supply pressure [Pa]."""
@@ -97,6 +102,7 @@ def fit_line(points: Sequence[Point]) -> Line:
     dof = len(points) - 2
     scatter = math.sqrt(float(w @ (speed - level - gain * x) ** 2) / dof)
     gain_sd, level_sd = scatter / math.sqrt(spread), scatter / math.sqrt(float(w.sum()))
+    gain_sd = math.hypot(gain_sd, UNSETTLED * gain)
     zero_sd = math.hypot(level_sd, level / gain * gain_sd) / abs(gain)
     zero = measured(middle - level / gain, zero_sd, dof)
     return Line(measured(gain, gain_sd, dof), zero, dof, scatter)
