@@ -69,6 +69,7 @@ class Bench:
         self.config = RigConfig.model_validate(merge(rig, changes or {}))
         self.shared = Shared(len(self.config.axes), 1 << 16)
         self.pacer = SimulatedPacer(1.0 / self.config.loop.rate_hz, self.shared)
+        self.pacer.start = 1000.0  # the same numbers in each run
         simulation = SimulationConfig.model_validate(self.config.simulation)
         options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
         self.driver = VirtualDriver(options, self.pacer.now)

@@ -42,6 +42,7 @@ class Simulation:
         self.config = config
         self.shared = Shared(len(config.axes), 1 << 15)
         self.pacer = SimulatedPacer(1.0 / config.loop.rate_hz, self.shared)
+        self.pacer.start = 1000.0  # the same numbers in each run
         self.rig = self._rig_on_the_bus()
         self.driver = make_driver(config, self.pacer.now)
         self.loop = Loop(config, self.driver, self.shared, self.pacer, 1)
