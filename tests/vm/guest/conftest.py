@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from bus import CAN_ERR_FLAG, CAN_ERR_RESTARTED, CONFIG, Listener, ip, send_raw
@@ -76,6 +76,14 @@ class Bench:
     def center(self) -> None:
         """Put the load back to where it stood at first: without commands it moves until the watchdog."""
         self.rig.call("set", plant="motor", position=0.0)
+        number = self.daemon.call("subscribe", topics=["sample"], rate_hz=20.0)["subscription"]
+        self.daemon.wait_for("the daemon seeing it there", _is_centred)
+        self.daemon.call("unsubscribe", subscription=number)
+
+
+def _is_centred(message: dict[str, Any]) -> bool:
+    y = message["params"]["y"] if message.get("method") == "sample" else None
+    return y is not None and abs(y) < 0.1
 
 
 @contextmanager
