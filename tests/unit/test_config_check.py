@@ -112,7 +112,7 @@ def test_a_full_bus_is_warned_of_and_an_overfull_one_refused(bitrate: int, ok: b
 
 
 def test_a_sensor_slower_than_the_stale_limit_is_refused() -> None:
-    found = report(CAN, ("rate_hz: 2000               #", "rate_hz: 50 #"))
+    found = report(CAN, ("rate_hz: 2000                #", "rate_hz: 50 #"))
     assert found.refusals == (
         "sensors.angle comes each 0.02 s, guard.stale is 0.01 s: always stale",
         "guard.estop comes each 0.02 s, guard.stale is 0.01 s: always stale",
