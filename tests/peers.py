@@ -89,10 +89,22 @@ class Rpc:
         )["params"]
         return params
 
+    def wait_for_centre(self, axis: str, within: float = 0.1) -> None:
+        """Until the daemon has seen this axis near zero: a start before that is refused, or faults."""
+        number = self.call("subscribe", topics=["sample"], axes=[axis], rate_hz=20.0)["subscription"]
+        self.heard.clear()
+        self.wait_for(f"{axis} in the middle", lambda m: _near_zero(m, axis, within))
+        self.call("unsubscribe", subscription=number)
+
     def close(self) -> None:
         """Hang up."""
         self.lines.close()
         self.socket.close()
+
+
+def _near_zero(message: Json, axis: str, within: float) -> bool:
+    sample = message["params"] if message.get("method") == "sample" else {}
+    return sample.get("axis") == axis and sample["y"] is not None and abs(sample["y"]) < within
 
 
 class Program:

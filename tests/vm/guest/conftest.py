@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 from bus import CAN_ERR_FLAG, CAN_ERR_RESTARTED, CONFIG, Listener, ip, send_raw
 
-from tests.peers import Program, Rpc, port_open, until
+from tests.peers import Program, Rpc, RpcError, port_open, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,20 +70,22 @@ class Bench:
 
     def recover(self) -> None:
         """Reset a fault, or stop and wait until the axis is back."""
-        self.daemon.call("reset" if self.state() == "fault" else "stop")
+        until("reset or stop", self._recovers)
         self.wait_state("idle")
+
+    def _recovers(self) -> bool:
+        """A reset is refused while the fault's cause is still there."""
+        try:
+            self.daemon.call("reset" if self.state() == "fault" else "stop")
+        except RpcError as why:
+            print(why)
+            return False
+        return True
 
     def center(self) -> None:
         """Put the load back to where it stood at first: without commands it moves until the watchdog."""
         self.rig.call("set", plant="motor", position=0.0)
-        number = self.daemon.call("subscribe", topics=["sample"], rate_hz=20.0)["subscription"]
-        self.daemon.wait_for("the daemon seeing it there", _is_centred)
-        self.daemon.call("unsubscribe", subscription=number)
-
-
-def _is_centred(message: dict[str, Any]) -> bool:
-    y = message["params"]["y"] if message.get("method") == "sample" else None
-    return y is not None and abs(y) < 0.1
+        self.daemon.wait_for_centre("motor")
 
 
 @contextmanager

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.peers import Program, Rpc, port_open, until
+from tests.peers import PATIENCE_S, Program, Rpc, port_open, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +35,10 @@ class Seat:
         return {name: axes[name]["state"] for name in AXES}
 
     def wait_states(self, *wanted: str) -> None:
-        until(f"states {wanted}", lambda: tuple(self.states().values()) == wanted)
+        deadline = time.monotonic() + PATIENCE_S
+        while (seen := tuple(self.states().values())) != wanted:
+            assert time.monotonic() < deadline, f"wanted {wanted}, is {seen}: {self.daemon.heard[-3:]}"
+            time.sleep(0.05)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +85,9 @@ def test_a_fault_of_one_axis_leaves_the_other_going(seat: Seat) -> None:
     fault = seat.daemon.call("get", axis="roll")["fault"]
     assert fault["code"] in ("travel", "speed", "amplitude")
     seat.rig.call("set", plant="roll", position=0.0)
+    seat.daemon.wait_for_centre("roll")
     seat.daemon.call("reset", axis="roll")
+    seat.wait_states("exciting", "idle")
     seat.daemon.call("start", axis="roll")
     seat.wait_states("exciting", "exciting")
 
