@@ -139,6 +139,7 @@ class Axis:
             return trip.why
         if not self.conditions.known:
             return f"{self.name}: K_L is not known: the sensor {self.config.supply_pressure} is silent"
+        self.guard.begin()
         self.filtered = self.y
         self.mode.start(self.y)
         self.started, self.stopping, self.trip = t, False, None

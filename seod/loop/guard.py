@@ -127,6 +127,10 @@ class AxisGuard:
         """Why this axis could not be moved now: silent, unsound or non-finite sensor, outside its travel."""
         return self._stale(t, sample) or self._unsound() or self._finite(y) or self._travel(y)
 
+    def begin(self) -> None:
+        """The axis is about to move: what it did while nobody looked says nothing about its speed."""
+        self.speed.points.clear()
+
     def inspect(
         self, t: float, sample: Sample, y: float, swing: float | None, exciting: bool, growth_counts: bool
     ) -> Trip | None:

@@ -137,3 +137,12 @@ def test_speed_is_that_of_the_window(window: float) -> None:
     assert speeds[0] == 0.0
     assert speeds[-1] == pytest.approx(3.0)
     assert speeds[2] == 0.0  # no window yet: one noisy step is not a speed
+
+
+def test_a_movement_while_the_axis_was_idle_is_no_speed_of_the_next_start() -> None:
+    judge = axis_guard(travel=(-2.0, 2.0))
+    at_rest = [(k * 1e-3, 1.4) for k in range(20)]
+    put_back = [(0.05 + k * 1e-3, 0.0) for k in range(20)]  # 1.4 rad in 31 ms, by hand
+    assert feed(judge, at_rest, exciting=False) is None
+    judge.begin()
+    assert feed(judge, put_back, exciting=False) is None

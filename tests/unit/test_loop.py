@@ -143,6 +143,21 @@ def test_limits_fault_in_the_same_tick_and_latch(
     assert rig.state is AxisState.IDLE
 
 
+def test_a_load_moved_by_hand_between_fault_and_start_is_no_speed(bench: Callable[..., Bench]) -> None:
+    rig = bench(axis(limits={"travel": (-3.0, 3.0)}))
+    rig.call("start")
+    rig.run(1.0)
+    rig.call("estop")
+    assert rig.driver.rig is not None
+    rig.driver.rig.actuators["motor"].change(rig.pacer.now(), {"position": 2.5})
+    rig.run(5e-3)
+    rig.call("reset")
+    assert rig.call("start") is None
+    rig.run(0.5)
+    assert rig.faults() == ["estop"]
+    assert rig.state is AxisState.EXCITING
+
+
 def test_estop_command_is_neutral_within_its_tick(bench: Callable[..., Bench]) -> None:
     rig = bench()
     rig.call("start")

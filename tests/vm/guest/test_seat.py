@@ -34,10 +34,13 @@ class Seat:
         axes = self.daemon.call("status")["axes"]
         return {name: axes[name]["state"] for name in AXES}
 
+    def faults(self) -> list[dict[str, object]]:
+        return [self.daemon.call("get", axis=name)["fault"] for name in AXES]
+
     def wait_states(self, *wanted: str) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while (seen := tuple(self.states().values())) != wanted:
-            assert time.monotonic() < deadline, f"wanted {wanted}, is {seen}: {self.daemon.heard[-3:]}"
+            assert time.monotonic() < deadline, f"wanted {wanted}, is {seen}: {self.faults()}"
             time.sleep(0.05)
 
 
