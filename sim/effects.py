@@ -1,0 +1,282 @@
+"""Every effect of the simulated plant: a named group of parameters with null values that switch it off.
+
+This table is the only place where effects are listed. The parameter record of the kernel (`sim.parameters`),
+rig files, `seod simulate --effect` and the diagnosis take names, units and ranges from here; the equations are in
+`docs/model.md`. `unit` in a unit stands for that of the plant's position: rad or m.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Place = Literal["valve", "flow", "oil", "load", "sensor", "plant", "record"]
+"""Where an effect enters, in the order of the signal's way; `plant` changes K_L, omega_n and zeta themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: Unique within the effect.
+        unit: Its unit; `unit` stands for the plant's own.
+        null: The value at which it does nothing.
+        low: Smallest value that makes sense.
+        high: Largest.
+        text: What it is.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A named group of parameters.
+
+    Attributes:
+        name: As rig files and diagnoses write it.
+        enters: Where in the plant.
+        physics: What it stands for.
+        parameters: Its numbers; all at their null values switch it off.
+        equivalent: What cannot be told from it, and under which conditions; "" if nothing is known.
+        cause: Whether a diagnosis may name it; the others only make truths to be found.
+    """
+
+    name: str
+    enters: Place
+    physics: str
+    parameters: tuple[Parameter, ...]
+    equivalent: str = ""
+    cause: bool = True
+
+
+INF = math.inf
+
+_ALL = (
+    Effect(
+        "transport_delay",
+        "valve",
+        "The command arrives later: bus, amplifier electronics, a loop's own tick.",
+        (Parameter("time", "s", 0.0, 0.0, 0.1, "from the command to the valve"),),
+        "On a linear plant with one input and one output, a delay of the sensor.",
+    ),
+    Effect(
+        "valve_saturation",
+        "valve",
+        "The spool or its amplifier has an end: more voltage opens no further.",
+        (Parameter("limit", "V", INF, 1e-6, INF, "largest voltage that counts, either way"),),
+        "With a relay alone a smaller gain: u has two values.",
+    ),
+    Effect(
+        "valve_hysteresis",
+        "valve",
+        "Magnetic hysteresis and friction of the spool: a play operator on the command.",
+        (Parameter("half_width", "V", 0.0, 0.0, 10.0, "half the play"),),
+        "With a relay alone a smaller gain.",
+    ),
+    Effect(
+        "valve_lag",
+        "valve",
+        "The spool follows its command as a first-order lag.",
+        (Parameter("time", "s", 0.0, 0.0, 0.1, "time constant"),),
+        "sensor_lag on a linear plant; for frequencies far below 1 / time a transport_delay.",
+    ),
+    Effect(
+        "null_shift",
+        "valve",
+        "The spool's centre is not at 0 V.",
+        (Parameter("voltage", "V", 0.0, -10.0, 10.0, "at which the valve is closed"),),
+        "load_bias of omega_n K_L voltage / (2 zeta): with leakage damping they are the same.",
+        cause=False,
+    ),
+    Effect(
+        "valve_deadband",
+        "valve",
+        "Overlap: around its centre the spool opens nothing.",
+        (Parameter("half_width", "V", 0.0, 0.0, 10.0, "half the overlap"),),
+        "With a relay alone a smaller gain.",
+    ),
+    Effect(
+        "asymmetric_gain",
+        "flow",
+        "An unequal cylinder or spool: gain K_L (1 + ratio) for positive, K_L (1 - ratio) for negative openings.",
+        (Parameter("ratio", "1", 0.0, -0.9, 0.9, "half the relative difference"),),
+        "With a relay alone a load_bias.",
+    ),
+    Effect(
+        "square_root_flow",
+        "flow",
+        "The orifice's flow falls with the square root of the pressure that the load leaves.",
+        (Parameter("supply", "unit/s^2", INF, 1e-6, INF, "acceleration of the free load by the supply pressure"),),
+        "For small loads a larger zeta: see sim.linear.",
+    ),
+    Effect(
+        "pressure_dependent_stiffness",
+        "oil",
+        "Air in the oil: its compliance falls with the square of the supply pressure.",
+        (Parameter("air", "1", 0.0, 0.0, 100.0, "its compliance over the oil's at nominal pressure"),),
+        "At constant supply pressure nothing: omega_n and zeta hold it.",
+    ),
+    Effect(
+        "load_bias",
+        "load",
+        "A constant load: gravity, an unbalanced cylinder.",
+        (Parameter("acceleration", "unit/s^2", 0.0, -1e6, 1e6, "against positive movement"),),
+        "null_shift of 2 zeta acceleration / (omega_n K_L) volts; with a relay alone an asymmetric_gain.",
+    ),
+    Effect(
+        "load_spring",
+        "load",
+        "The load pulls back to where it belongs: a spring, a pendulum, an aerodynamic hinge moment.",
+        (
+            Parameter("stiffness", "1/s^2", 0.0, -1e7, 1e7, "acceleration for each unit of deflection"),
+            Parameter("centre", "unit", 0.0, -1e6, 1e6, "position without force"),
+        ),
+        "Above its own frequency nothing: the position then turns round before the spring is felt.",
+    ),
+    Effect(
+        "coulomb_friction",
+        "load",
+        "Seals and bearings: a constant force against the movement, and at rest up to that force.",
+        (Parameter("level", "unit/s^2", 0.0, 0.0, 1e6, "deceleration"),),
+        "In one limit cycle of constant amplitude a larger zeta.",
+    ),
+    Effect(
+        "stribeck_friction",
+        "load",
+        "More friction at low speed: level * exp(-(v / speed)^2) on top of the Coulomb friction.",
+        (
+            Parameter("level", "unit/s^2", 0.0, 0.0, 1e6, "excess at rest"),
+            Parameter("speed", "unit/s", 1.0, 1e-9, 1e6, "at which it has fallen to 1/e"),
+        ),
+        "For speeds far above `speed` nothing.",
+    ),
+    Effect(
+        "lugre_friction",
+        "load",
+        "Bristles in place of sticking (LuGre): the levels are those of Coulomb and Stribeck friction.",
+        (
+            Parameter("stiffness", "1/s^2", 0.0, 0.0, 1e9, "of the bristles; 0: dry friction that sticks"),
+            Parameter("damping", "1/s", 0.0, 0.0, 1e6, "of the bristles"),
+        ),
+        "For stiffness to infinity the dry friction.",
+        cause=False,
+    ),
+    Effect(
+        "load_resonance",
+        "load",
+        "A second inertia behind a spring and a damper: a shaft, a structure.",
+        (
+            Parameter("inertia", "1", 0.0, 0.0, 100.0, "second inertia over the first; their sum stays the same"),
+            Parameter("omega", "rad/s", 1000.0, 1.0, 1e5, "of the second inertia with the first held"),
+            Parameter("zeta", "1", 0.05, 0.0, 5.0, "its damping ratio"),
+        ),
+        "For omega far above omega_n nothing: the inertias move as one.",
+    ),
+    Effect(
+        "periodic_disturbance",
+        "load",
+        "Pump ripple, an unbalanced rotor: amplitude * sin(omega t + phase) on the load.",
+        (
+            Parameter("amplitude", "unit/s^2", 0.0, 0.0, 1e6, "acceleration"),
+            Parameter("omega", "rad/s", 100.0, 1e-3, 1e5, "frequency"),
+            Parameter("phase", "rad", 0.0, -10.0, 10.0, "at the start"),
+        ),
+        "A ripple of flow, volts or sensor of the same frequency.",
+    ),
+    Effect(
+        "backlash",
+        "sensor",
+        "Play between the actuator and what is measured: the measurement follows once the gap is used up.",
+        (Parameter("gap", "unit", 0.0, 0.0, 10.0, "the whole gap"),),
+    ),
+    Effect(
+        "position_ripple",
+        "sensor",
+        "An eccentric encoder: amplitude * sin(wavenumber y + phase) is added to the position.",
+        (
+            Parameter("amplitude", "unit", 0.0, 0.0, 10.0, "of the error"),
+            Parameter("wavenumber", "rad/unit", 1.0, 1e-3, 1e6, "1: once a revolution"),
+            Parameter("phase", "rad", 0.0, -10.0, 10.0, "at position 0"),
+        ),
+        "While the position stays within a small part of a wave a gain of the sensor.",
+    ),
+    Effect(
+        "sensor_lag",
+        "sensor",
+        "A low-pass of first order in the sensor or its converter.",
+        (Parameter("time", "s", 0.0, 0.0, 0.1, "time constant"),),
+        "valve_lag on a linear plant.",
+    ),
+    Effect(
+        "sensor_quantization",
+        "sensor",
+        "Counts of an encoder or of a converter.",
+        (Parameter("step", "unit (unit/s for a speed)", 0.0, 0.0, 10.0, "one count"),),
+        "With movement over many steps white noise of step / sqrt(12).",
+    ),
+    Effect(
+        "parameter_drift",
+        "plant",
+        "Oil that warms up, a supply that sags: relative changes of K_L, omega_n and zeta.",
+        (
+            Parameter("K_L", "1/s", 0.0, -1.0, 1.0, "of K_L with time"),
+            Parameter("omega_n", "1/s", 0.0, -1.0, 1.0, "of omega_n with time"),
+            Parameter("zeta", "1/s", 0.0, -1.0, 1.0, "of zeta with time"),
+            Parameter("K_L_thermal", "1/K", 0.0, -1.0, 1.0, "of K_L with temperature"),
+            Parameter("omega_n_thermal", "1/K", 0.0, -1.0, 1.0, "of omega_n with temperature"),
+            Parameter("zeta_thermal", "1/K", 0.0, -1.0, 1.0, "of zeta with temperature"),
+        ),
+    ),
+    Effect(
+        "outliers",
+        "record",
+        "Single samples that are far off: a disturbed line, a bad contact.",
+        (
+            Parameter("rate", "1", 0.0, 0.0, 1.0, "part of the samples"),
+            Parameter("size", "unit (unit/s for a speed)", 0.0, 0.0, 1e6, "standard deviation of their error"),
+        ),
+    ),
+    Effect(
+        "missing_samples",
+        "record",
+        "Samples that never came: lost frames, a full queue.",
+        (
+            Parameter("rate", "1", 0.0, 0.0, 1.0, "part of the samples"),
+            Parameter("length", "1", 1.0, 1.0, 1e6, "mean number of samples in a gap"),
+        ),
+    ),
+    Effect(
+        "timing_jitter",
+        "record",
+        "The sample was taken at another time than its timestamp says.",
+        (Parameter("deviation", "s", 0.0, 0.0, 0.1, "standard deviation of the time"),),
+    ),
+)
+
+EFFECTS = {effect.name: effect for effect in _ALL}
+"""All effects by name, in the order of the signal's way."""
+
+
+def parameter(place: str) -> tuple[Effect, Parameter]:
+    """The effect and the parameter that `effect.parameter` names.
+
+    Raises:
+        ValueError: There is none; the message tells which there are.
+    """
+    name, _, of = place.partition(".")
+    if name not in EFFECTS:
+        raise ValueError(f"{place}: no effect {name!r}; there are {', '.join(EFFECTS)}")
+    effect = EFFECTS[name]
+    for each in effect.parameters:
+        if each.name == of:
+            return effect, each
+    known = ", ".join(f"{name}.{each.name}" for each in effect.parameters)
+    raise ValueError(f"{place}: {name} has no parameter {of!r}; it has {known}")

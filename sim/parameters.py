@@ -1,0 +1,140 @@
+"""The kernel's parameters: one record of numbers, laid out by the table of effects."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.effects import EFFECTS, INF, parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy.typing as npt
+
+    from sim.effects import Parameter
+
+BASE = {
+    "K_L": math.nan,
+    "omega_n": math.nan,
+    "zeta": math.nan,
+    "stop_low": -INF,
+    "stop_high": INF,
+    "measures_speed": 0.0,
+}
+"""Parameters that are no effect: those of Eq. 1 [unit/s/V, rad/s, 1], the end stops [unit] and whether the sensor
+sees speed (1) or position (0); with their defaults, NaN where there is none."""
+
+SLOTS = (
+    *BASE,
+    *(f"{effect.name}_{each.name}" for effect in EFFECTS.values() for each in effect.parameters),
+    "substep",
+)
+"""Names of the parameter vector's elements, in its order: `effect_parameter`, and the longest substep [s]."""
+
+PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
+"""The same as a record; an array of it and the vector are views of one memory."""
+
+ACCURACY = 0.1
+"""Longest substep times the fastest rate of the plant. The tolerance that follows from it is in docs/model.md."""
+
+Effects = "Mapping[str, Mapping[str, float]]"
+
+
+def parameters(
+    K_L: float,
+    omega_n: float,
+    zeta: float,
+    effects: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    accuracy: float = ACCURACY,
+    **base: float,
+) -> npt.NDArray[np.void]:
+    """The record for a plant with these effects.
+
+    Args:
+        K_L: Gain [unit/s/V].
+        omega_n: Undamped natural frequency [rad/s].
+        zeta: Damping ratio.
+        effects: Values by effect and parameter; what is left out is null (or, of an effect that is on, the
+            default of the table).
+        accuracy: Longest substep times the plant's fastest rate.
+        base: Others of `BASE`.
+
+    Returns:
+        Array of shape (1,) of `PARAMETERS`.
+
+    Raises:
+        ValueError: Something is unknown or out of its range; every such place is named.
+    """
+    record = np.zeros(1, PARAMETERS)
+    values = {**BASE, **nulls(), **base, "K_L": K_L, "omega_n": omega_n, "zeta": zeta}
+    values.update(_chosen(effects or {}))
+    for name in SLOTS[:-1]:
+        record[name] = values.pop(name)
+    if values:
+        raise ValueError(f"unknown: {', '.join(values)}; there are {', '.join(BASE)}")
+    record["substep"] = accuracy / fastest_rate(record)
+    return record
+
+
+def nulls() -> dict[str, float]:
+    """Null value of each effect's parameters by slot."""
+    return {f"{e.name}_{each.name}": each.null for e in EFFECTS.values() for each in e.parameters}
+
+
+def vector(record: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
+    """The same memory as a vector, shape (len(SLOTS),)."""
+    return record.view(np.float64)
+
+
+def _chosen(effects: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    chosen, problems = {}, []
+    for name, values in effects.items():
+        for of, value in values.items():
+            try:
+                each = parameter(f"{name}.{of}")[1]
+                _in_range(each, value, f"{name}.{of}")
+            except ValueError as error:
+                problems.append(str(error))
+            else:
+                chosen[f"{name}_{of}"] = float(value)
+        if not values and name not in EFFECTS:
+            problems.append(f"{name}: no such effect; there are {', '.join(EFFECTS)}")
+    if problems:
+        raise ValueError("; ".join(problems))
+    return chosen
+
+
+def _in_range(each: Parameter, value: float, place: str) -> None:
+    if not each.low <= value <= each.high:
+        raise ValueError(f"{place} = {value:g} {each.unit} must be within [{each.low:g}, {each.high:g}]")
+
+
+def fastest_rate(record: npt.NDArray[np.void]) -> float:
+    """Rate of the fastest thing in the plant that is the same in every state [rad/s].
+
+    What depends on the state (orifice, bristles) shortens the substep in the kernel.
+    """
+    p = record[0]
+    omega_n, zeta, ratio = float(p["omega_n"]), float(p["zeta"]), float(p["load_resonance_inertia"])
+    rates = [omega_n * max(1.0, 2.0 * zeta), math.sqrt(abs(float(p["load_spring_stiffness"])))]
+    if ratio > 0.0:
+        omega = float(p["load_resonance_omega"]) * math.sqrt(1.0 + ratio)
+        rates.append(omega * max(1.0, 2.0 * float(p["load_resonance_zeta"]) * math.sqrt(1.0 + ratio)))
+        rates[0] *= math.sqrt(1.0 + ratio)
+    if p["periodic_disturbance_amplitude"] > 0.0:
+        rates.append(float(p["periodic_disturbance_omega"]))
+    if p["sensor_lag_time"] > 0.0:
+        rates.append(0.2 / float(p["sensor_lag_time"]))
+    if p["valve_lag_time"] > 0.0:
+        rates.append(0.2 / float(p["valve_lag_time"]))
+    if p["stribeck_friction_level"] > 0.0:
+        rates.append(float(p["stribeck_friction_level"]) / float(p["stribeck_friction_speed"]))
+    if p["lugre_friction_stiffness"] > 0.0:
+        scale = 1.0 + ratio
+        rates.append(math.sqrt(scale * float(p["lugre_friction_stiffness"])))
+        rates.append(scale * float(p["lugre_friction_damping"]))
+    return max(rates)

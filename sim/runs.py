@@ -1,0 +1,156 @@
+"""Whole runs of the kernel: given commands, a sampled relay in the loop, an ideal relay. All release the GIL.
+
+Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[k] computed from it, which leaves at
+t_u[k] and holds until the next. The plant's own transport delay comes on top, exactly, to any fraction of a tick.
+Arrays `supply` (supply pressure over nominal) and `warmth` (temperature above nominal [K]) have an element a row,
+or none: then both stay as they are. `noise` [unit, or unit/s] likewise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.compiled import Record, compiled
+from sim.kernel import advance, command, measured, quantized
+
+Array = np.ndarray
+
+RELAY = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "e_a",  # [V] amplitude
+            "hysteresis",  # [unit] half-width
+            "bias",  # [V]
+            "reference",  # [unit] position to swing about, or [unit/s] speed
+            "entry",  # [s] in which the amplitude rises from 0 to e_a
+            "latency",  # [s] from the sample, or from the ideal crossing, to the command's leaving
+            "velocity_mode",  # 1: the relay sees the integral of the speed error (Fig. 6b)
+            "cycles",  # cycles of each phase; 0: one phase only
+            "shift",  # periods of the first phase by which the relay is late in the second
+        )
+    ]
+)
+
+
+@compiled
+def _condition(s: Record, supply: Array, warmth: Array, k: int) -> None:
+    if len(supply):
+        s.supply = supply[k]
+    if len(warmth):
+        s.warmth = warmth[k]
+
+
+@compiled
+def _read(p: Record, s: Record, noise: Array, k: int) -> float:
+    value = measured(p, s)
+    return quantized(p, value + noise[k] if len(noise) else value)
+
+
+@compiled
+def _deliver(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float) -> int:
+    """Have the commands that reach the valve by `t` act, each at its time; returns how many have by then."""
+    while given < made and t_u[given] + p.transport_delay_time <= t:
+        advance(p, s, max(s.t, t_u[given] + p.transport_delay_time))
+        command(p, s, u[given])
+        given += 1
+    advance(p, s, t)
+    return given
+
+
+@compiled
+def follow(
+    p: Record, s: Record, t_u: Array, u: Array, t: Array, noise: Array, supply: Array, warmth: Array, y: Array
+) -> None:
+    """Given commands `u` [V] at the times `t_u` [s], both of one length: what is measured at `t` [s], into `y`."""
+    given = 0
+    for k in range(len(t)):
+        _condition(s, supply, warmth, k)
+        given = _deliver(p, s, t_u, u, given, len(u), t[k])
+        y[k] = _read(p, s, noise, k)
+
+
+@compiled
+def sampled_relay(
+    p: Record,
+    s: Record,
+    r: Record,
+    t: Array,
+    noise: Array,
+    supply: Array,
+    warmth: Array,
+    y: Array,
+    u: Array,
+    t_u: Array,
+) -> None:
+    """A relay that looks at the ticks `t` [s]; fills `y`, `u` [V] and `t_u` [s].
+
+    With `cycles` the relay's phase alternates: that many cycles as they are, that many with each switch late by
+    `shift` periods of the cycle before.
+    """
+    given, sign, signal, shown = 0, 1.0, 0.0, 1.0
+    crossed = period = late = 0.0  # time of the last upward crossing, last undisturbed period, lateness now
+    count, due = 0, -1.0  # cycles of this phase; when the shown sign follows, -1: at once
+    for k in range(len(t)):
+        _condition(s, supply, warmth, k)
+        given = _deliver(p, s, t_u, u, given, k, t[k])
+        y[k] = _read(p, s, noise, k)
+        if r.velocity_mode == 0.0:
+            signal = y[k] - r.reference
+        elif k > 0:
+            signal += (0.5 * (y[k] + y[k - 1]) - r.reference) * (t[k] - t[k - 1])
+        wanted = -1.0 if signal > r.hysteresis else 1.0 if signal < -r.hysteresis else sign
+        if wanted != sign:
+            sign, due = wanted, t[k] + late
+            if sign > 0.0:
+                if late == 0.0 and crossed > 0.0:
+                    period = t[k] - crossed
+                crossed = t[k]
+                count += 1
+                if r.cycles > 0.0 and count > r.cycles:
+                    count, late = 0, 0.0 if late > 0.0 else r.shift * period
+        if t[k] >= due:
+            shown = sign
+        rise = 1.0 if r.entry == 0.0 else min(1.0, (t[k] - t[0]) / r.entry)
+        u[k] = r.bias + shown * rise * r.e_a
+        t_u[k] = t[k] + r.latency
+
+
+@compiled
+def ideal_relay(p: Record, s: Record, r: Record, t: Array, y: Array, switches: Array) -> int:
+    """A relay that sees every instant: switches where the measured position passes the threshold.
+
+    Args:
+        p: Plant; it must measure position, in velocity mode too (the integral of the speed error is
+            position - reference t).
+        s: Its state.
+        r: The relay; `entry` and `cycles` do not apply. Latency and delay must be less than half a period.
+        t: Times of the samples in `y` [s].
+        y: What is measured then, filled here.
+        switches: When the threshold was passed [s], filled here; when it is full the run goes on without more.
+
+    Returns:
+        How many switches there were.
+    """
+    sign, count, start, due = 1.0, 0, s.t, -1.0
+    command(p, s, r.bias + r.e_a)
+    s.rate = r.reference if r.velocity_mode else 0.0
+    centre = s.position if r.velocity_mode else r.reference
+    for k in range(len(t)):
+        while s.t < t[k]:
+            s.watch = sign if due < 0.0 else 0.0
+            s.level = centre + sign * r.hysteresis - s.rate * start
+            advance(p, s, t[k] if due < 0.0 else min(due, t[k]))
+            if s.passed != 0.0:
+                if count < len(switches):
+                    switches[count] = s.t
+                count += 1
+                sign = -sign
+                due = s.t + r.latency + p.transport_delay_time
+                s.passed = 0.0
+            if due >= 0.0 and s.t >= due:
+                command(p, s, r.bias + sign * r.e_a)
+                due = -1.0
+        y[k] = measured(p, s)
+    s.watch = 0.0
+    return count
