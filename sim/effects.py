@@ -1,7 +1,7 @@
 """Every effect of the simulated plant: a named group of parameters with null values that switch it off.
 
-This table is the only place where effects are listed. The parameter record of the kernel (`sim.parameters`),
-rig files, `seod simulate --effect` and the diagnosis take names, units and ranges from here; the equations are in
+This table is the only place where effects are listed. The kernel's parameter record (`sim.parameters`), rig
+files, `seod simulate --effect` and the diagnosis take names, units and ranges from here; the equations are in
 `docs/model.md`. `unit` in a unit stands for that of the plant's position: rad or m.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Place = Literal["valve", "flow", "oil", "load", "sensor", "plant", "record"]
-"""Where an effect enters, in the order of the signal's way; `plant` changes K_L, omega_n and zeta themselves."""
+"""Where an effect enters, in the order of the signal's way; `plant`: K_L, omega_n and zeta themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ _ALL = (
     Effect(
         "asymmetric_gain",
         "flow",
-        "An unequal cylinder or spool: gain K_L (1 + ratio) for positive, K_L (1 - ratio) for negative openings.",
+        "An unequal cylinder or spool: K_L (1 + ratio) for positive, K_L (1 - ratio) for negative openings.",
         (Parameter("ratio", "1", 0.0, -0.9, 0.9, "half the relative difference"),),
         "With a relay alone a load_bias.",
     ),
@@ -114,7 +114,11 @@ _ALL = (
         "square_root_flow",
         "flow",
         "The orifice's flow falls with the square root of the pressure that the load leaves.",
-        (Parameter("supply", "unit/s^2", INF, 1e-6, INF, "acceleration of the free load by the supply pressure"),),
+        (
+            Parameter(
+                "supply", "unit/s^2", INF, 1e-6, INF, "acceleration of the free load by the supply pressure"
+            ),
+        ),
         "For small loads a larger zeta: see sim.linear.",
     ),
     Effect(
@@ -174,7 +178,9 @@ _ALL = (
         "load",
         "A second inertia behind a spring and a damper: a shaft, a structure.",
         (
-            Parameter("inertia", "1", 0.0, 0.0, 100.0, "second inertia over the first; their sum stays the same"),
+            Parameter(
+                "inertia", "1", 0.0, 0.0, 100.0, "second inertia over the first; their sum stays the same"
+            ),
             Parameter("omega", "rad/s", 1000.0, 1.0, 1e5, "of the second inertia with the first held"),
             Parameter("zeta", "1", 0.05, 0.0, 5.0, "its damping ratio"),
         ),
@@ -241,7 +247,9 @@ _ALL = (
         "Single samples that are far off: a disturbed line, a bad contact.",
         (
             Parameter("rate", "1", 0.0, 0.0, 1.0, "part of the samples"),
-            Parameter("size", "unit (unit/s for a speed)", 0.0, 0.0, 1e6, "standard deviation of their error"),
+            Parameter(
+                "size", "unit (unit/s for a speed)", 0.0, 0.0, 1e6, "standard deviation of their error"
+            ),
         ),
     ),
     Effect(

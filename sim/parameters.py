@@ -24,8 +24,8 @@ BASE = {
     "stop_high": INF,
     "measures_speed": 0.0,
 }
-"""Parameters that are no effect: those of Eq. 1 [unit/s/V, rad/s, 1], the end stops [unit] and whether the sensor
-sees speed (1) or position (0); with their defaults, NaN where there is none."""
+"""Parameters that are no effect: those of Eq. 1 [unit/s/V, rad/s, 1], the end stops [unit] and whether the
+sensor sees speed (1) or position (0); with their defaults, NaN where there is none."""
 
 SLOTS = (
     *BASE,
@@ -38,9 +38,7 @@ PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""
 
 ACCURACY = 0.1
-"""Longest substep times the fastest rate of the plant. The tolerance that follows from it is in docs/model.md."""
-
-Effects = "Mapping[str, Mapping[str, float]]"
+"""Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
 
 
 def parameters(

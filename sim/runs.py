@@ -1,9 +1,9 @@
 """Whole runs of the kernel: given commands, a sampled relay in the loop, an ideal relay. All release the GIL.
 
-Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[k] computed from it, which leaves at
-t_u[k] and holds until the next. The plant's own transport delay comes on top, exactly, to any fraction of a tick.
-Arrays `supply` (supply pressure over nominal) and `warmth` (temperature above nominal [K]) have an element a row,
-or none: then both stay as they are. `noise` [unit, or unit/s] likewise.
+Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[k] computed from it, which
+leaves at t_u[k] and holds until the next. The plant's own transport delay comes on top, exactly.
+Arrays `supply` (supply pressure over nominal) and `warmth` (temperature above nominal [K]) have an element a
+row, or none: then both stay as they are. `noise` [unit, or unit/s] likewise.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _deliver(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, 
 def follow(
     p: Record, s: Record, t_u: Array, u: Array, t: Array, noise: Array, supply: Array, warmth: Array, y: Array
 ) -> None:
-    """Given commands `u` [V] at the times `t_u` [s], both of one length: what is measured at `t` [s], into `y`."""
+    """Given commands `u` [V] at the times `t_u` [s]: what is measured at the times `t` [s], into `y`."""
     given = 0
     for k in range(len(t)):
         _condition(s, supply, warmth, k)
@@ -85,8 +85,8 @@ def sampled_relay(
 ) -> None:
     """A relay that looks at the ticks `t` [s]; fills `y`, `u` [V] and `t_u` [s].
 
-    With `cycles` the relay's phase alternates: that many cycles as they are, that many with each switch late by
-    `shift` periods of the cycle before.
+    With `cycles` the relay's phase alternates: that many cycles as they are, that many with each switch late
+    by `shift` periods of the first.
     """
     given, sign, signal, shown = 0, 1.0, 0.0, 1.0
     crossed = period = late = 0.0  # time of the last upward crossing, last undisturbed period, lateness now
@@ -127,7 +127,7 @@ def ideal_relay(p: Record, s: Record, r: Record, t: Array, y: Array, switches: A
         r: The relay; `entry` and `cycles` do not apply. Latency and delay must be less than half a period.
         t: Times of the samples in `y` [s].
         y: What is measured then, filled here.
-        switches: When the threshold was passed [s], filled here; when it is full the run goes on without more.
+        switches: When the threshold was passed [s], filled here as far as it reaches.
 
     Returns:
         How many switches there were.

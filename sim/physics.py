@@ -1,0 +1,155 @@
+"""The plant's equations (`docs/model.md`), one function each: they read the records and change nothing."""
+
+from __future__ import annotations
+
+import math
+
+from sim.compiled import Record, compiled
+
+LAMINAR = 1e-2
+"""Relative pressure drop below which the orifice's flow is laminar: no infinite slope at zero."""
+
+
+@compiled
+def opening(p: Record, spool: float) -> float:
+    """What the spool opens, in volts of an ideal symmetric valve."""
+    from_centre = spool - p.null_shift_voltage
+    overlap, ratio = p.valve_deadband_half_width, p.asymmetric_gain_ratio
+    if from_centre > overlap:
+        return (from_centre - overlap) * (1.0 + ratio)
+    if from_centre < -overlap:
+        return (from_centre + overlap) * (1.0 - ratio)
+    return 0.0
+
+
+@compiled
+def spool_at(p: Record, s: Record, h: float) -> float:
+    """The spool `h` [s] from now [V]."""
+    if p.valve_lag_time == 0.0:
+        return s.target
+    return s.target + (s.spool - s.target) * math.exp(-h / p.valve_lag_time)
+
+
+@compiled
+def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> float:
+    """Flow through the valve as the speed that it would give a load without pressure [unit/s]."""
+    most = p.square_root_flow_supply
+    if most == math.inf:
+        return gain * opened
+    drop = 1.0 - math.copysign(pressure, opened * pressure) / (most * s.supply)
+    orifice = drop * ((1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR)) ** 0.25
+    return gain * opened * math.sqrt(s.supply) * orifice
+
+
+@compiled
+def drifted(rate: float, thermal: float, t: float, warmth: float) -> float:
+    """Factor of a drifting parameter; never below a twentieth."""
+    return max(0.05, 1.0 + rate * t + thermal * warmth)
+
+
+@compiled
+def stiffness(p: Record, s: Record) -> float:
+    """Stiffness of the oil over that at nominal supply pressure."""
+    air = p.pressure_dependent_stiffness_air
+    return 1.0 if air == 0.0 else (1.0 + air) / (1.0 + air / (s.supply * s.supply))
+
+
+@compiled
+def drive(p: Record, s: Record, t: float, pressure: float, position: float, coupled: float) -> float:
+    """Acceleration of the whole load by everything but dry friction [unit/s^2]."""
+    total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
+    if p.periodic_disturbance_amplitude != 0.0:
+        angle = p.periodic_disturbance_omega * (t - s.origin) + p.periodic_disturbance_phase
+        total += p.periodic_disturbance_amplitude * math.sin(angle)
+    ratio = p.load_resonance_inertia
+    return total - ratio / (1.0 + ratio) * coupled
+
+
+@compiled
+def coupling(p: Record, velocity: float, position: float, velocity2: float, position2: float) -> float:
+    """Acceleration of the second inertia by its spring and damper [unit/s^2]."""
+    omega, zeta = p.load_resonance_omega, p.load_resonance_zeta
+    return omega * omega * (position - position2) + 2.0 * zeta * omega * (velocity - velocity2)
+
+
+@compiled
+def friction_level(p: Record, speed: float) -> float:
+    """Coulomb and Stribeck friction at a speed [unit/s^2]."""
+    level = p.coulomb_friction_level
+    if p.stribeck_friction_level > 0.0:
+        relative = speed / p.stribeck_friction_speed
+        level += p.stribeck_friction_level * math.exp(-relative * relative)
+    return level
+
+
+@compiled
+def dry_friction(p: Record) -> bool:
+    """Whether the load can stick."""
+    return p.lugre_friction_stiffness == 0.0 and friction_level(p, 0.0) > 0.0
+
+
+@compiled
+def rates(
+    p: Record, s: Record, z: tuple[float, ...], t: float, opened: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Time derivatives of the state `z`, the right-hand side of it all.
+
+    `z` is pressure, velocity, position, velocity and position of the second inertia, bristles, reading.
+    """
+    pressure, velocity, position, velocity2, position2, bristle, lagged = z
+    since, warmth = t - s.origin, s.warmth
+    gain = p.K_L * drifted(p.parameter_drift_K_L, p.parameter_drift_K_L_thermal, since, warmth)
+    omega = p.omega_n * drifted(p.parameter_drift_omega_n, p.parameter_drift_omega_n_thermal, since, warmth)
+    zeta = p.zeta * drifted(p.parameter_drift_zeta, p.parameter_drift_zeta_thermal, since, warmth)
+    speed = flow(p, s, opened, pressure, gain)
+    d_pressure = stiffness(p, s) * (omega * omega * (speed - velocity) - 2.0 * zeta * omega * pressure)
+
+    ratio = p.load_resonance_inertia
+    coupled = coupling(p, velocity, position, velocity2, position2) if ratio > 0.0 else 0.0
+    friction, d_bristle = 0.0, 0.0
+    if p.lugre_friction_stiffness > 0.0:
+        level = friction_level(p, velocity)
+        d_bristle = velocity - p.lugre_friction_stiffness * abs(velocity) / level * bristle
+        friction = p.lugre_friction_stiffness * bristle + p.lugre_friction_damping * d_bristle
+    elif s.motion != 0.0:
+        friction = s.motion * friction_level(p, velocity)
+    d_velocity, d_velocity2 = 0.0, coupled
+    if s.motion != 0.0 and s.stopped == 0.0:
+        d_velocity = (1.0 + ratio) * (drive(p, s, t, pressure, position, coupled) - friction)
+
+    d_lagged = 0.0
+    if p.sensor_lag_time > 0.0:
+        d_lagged = (seen(p, s, position, velocity) - lagged) / p.sensor_lag_time
+    if ratio == 0.0:  # one inertia: the second goes with it
+        d_velocity2, velocity2 = d_velocity, velocity
+    return d_pressure, d_velocity, velocity, d_velocity2, velocity2, d_bristle, d_lagged
+
+
+@compiled
+def followed(p: Record, s: Record, position: float) -> float:
+    """Position behind the backlash, the actuator having come to `position` without turning round."""
+    half = 0.5 * p.backlash_gap
+    return min(max(s.followed, position - half), position + half)
+
+
+@compiled
+def rippled(p: Record, position: float) -> float:
+    """Position with the encoder's eccentricity."""
+    if p.position_ripple_amplitude == 0.0:
+        return position
+    angle = p.position_ripple_wavenumber * position + p.position_ripple_phase
+    return position + p.position_ripple_amplitude * math.sin(angle)
+
+
+@compiled
+def seen(p: Record, s: Record, position: float, velocity: float) -> float:
+    """What the sensor sees without its lag [unit, or unit/s]."""
+    behind = followed(p, s, position)
+    if not p.measures_speed:
+        return rippled(p, behind)
+    if p.backlash_gap > 0.0 and abs(position - behind) < 0.5 * p.backlash_gap * (1.0 - 1e-9):
+        return 0.0
+    if p.position_ripple_amplitude == 0.0:
+        return velocity
+    angle = p.position_ripple_wavenumber * behind + p.position_ripple_phase
+    return velocity * (1.0 + p.position_ripple_amplitude * p.position_ripple_wavenumber * math.cos(angle))
