@@ -17,6 +17,9 @@ from sim.compiled import Record, compiled
 SHARPNESS = 1e-13
 """Events are located to this part of a substep."""
 
+MOST_TRIALS = 100
+"""To locate one event; ten or so are needed."""
+
 MOST_EVENTS = 10000
 """In one call; any more are no longer located, so that it ends whatever the parameters."""
 
@@ -61,7 +64,7 @@ def advance(p: Record, s: Record, t: float) -> None:
             if ends:
                 s.t = t
         else:
-            _, high = _locate(p, s, now, h)
+            high = _locate(p, s, now, h)
             then = _step(p, s, now, high)
             _accept(p, s, then, high)
             _switch(p, s, then)
@@ -177,31 +180,26 @@ def _breaks_away(p: Record, s: Record, z: tuple[float, ...], t: float) -> float:
 
 
 @compiled
-def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, float]:
-    """Times just before and just after the first event within `h` [s]."""
-    low, high = 0.0, h
+def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
+    """Time just after the first event within `h` [s], by the Illinois form of regula falsi."""
+    low, high, sharp = 0.0, h, SHARPNESS * h
     at_low, at_high = _event(p, s, z, 0.0), _event(p, s, _step(p, s, z, h), h)
-    weight = 0
-    for _ in range(100):
-        if high - low <= SHARPNESS * h:
+    side = 0
+    for _ in range(MOST_TRIALS):
+        if high - low <= sharp:
             break
-        middle = 0.5 * (low + high)
-        if at_low < 0.0 and abs(weight) < 3:  # regula falsi, unless one end stands still
-            middle = min(max((low * at_high - high * at_low) / (at_high - at_low), low), high)
-            if middle - low < SHARPNESS * h:
-                middle = low + SHARPNESS * h
-            if high - middle < SHARPNESS * h:
-                middle = high - SHARPNESS * h
+        middle = (low * at_high - high * at_low) / (at_high - at_low)
+        middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
         value = _event(p, s, _step(p, s, z, middle), middle)
         if value > 0.0:
             high, at_high = middle, value
-            weight = min(weight, 0) - 1
+            at_low *= 0.5 if side > 0 else 1.0
+            side = 1
         else:
             low, at_low = middle, value
-            weight = max(weight, 0) + 1
-        if abs(weight) > 3:
-            weight = 0
-    return low, high
+            at_high *= 0.5 if side < 0 else 1.0
+            side = -1
+    return high
 
 
 @compiled
