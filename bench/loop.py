@@ -46,8 +46,8 @@ PHASES = ("read", "sense", "obey", "inspect", "command", "write", "log", "meter"
 def check_excited(loop: Loop) -> None:
     """Figures of a loop that has stopped would flatter it."""
     for axis in loop.axes:
-        if axis.state is not AxisState.EXCITING:
-            sys.exit(f"{axis.name} is {axis.state.name}: {list(loop.shared.events.take())}")
+        if axis.course.state is not AxisState.EXCITING:
+            sys.exit(f"{axis.name} is {axis.course.state.name}: {list(loop.shared.events.take())}")
 
 
 def loop_latencies(loop: Loop, seconds: float) -> Latencies:

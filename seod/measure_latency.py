@@ -158,7 +158,7 @@ def main() -> None:
     if what == "loop":
         run_loop(loop, WARM_UP_S)
         found = count_seconds("the loop", run_loop(loop, seconds))
-        if loop.axes[0].state is not AxisState.EXCITING:
+        if loop.axes[0].course.state is not AxisState.EXCITING:
             sys.exit(f"the loop did not stay excited: {list(loop.shared.events.take())}")
     else:
         found = count_seconds("bare loop", run_bare(seconds, rate_hz))

@@ -10,6 +10,7 @@ from drivers import driver_class
 from drivers.base import Driver, DriverError
 from seod.config.model import RigConfig
 from seod.config.truth import truth
+from seod.loop import events
 from seod.loop.channels import input_channels
 from seod.loop.guard import Trip
 from seod.loop.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
@@ -98,13 +99,5 @@ def announce(loop: Loop, refused: list[str]) -> None:
         }
     )
     for axis in loop.axes:
-        loop.shared.events.put(
-            {
-                "event": "state",
-                "t": loop.pacer.now(),
-                "axis": axis.name,
-                "state": AxisState.IDLE.name.lower(),
-                "previous": None,
-                "why": "loop started",
-            }
-        )
+        told = events.state(loop.pacer.now(), axis.name, AxisState.IDLE, None, "loop started")
+        loop.shared.events.put(told)

@@ -38,7 +38,13 @@ class RowLog:
             t_sample = axis.sample.t if math.isfinite(axis.sample.t) else t
             mode, around = axis.mode, axis.conditions
             values += (t_sample, axis.y, mode.reference, u, left, axis.amplitude(t), mode.bias, mode.signal)
-            values += (around.ps, around.temperature, around.K_L, axis.state, axis.flags(t, u_asked, u))
+            values += (
+                around.ps,
+                around.temperature,
+                around.K_L,
+                axis.course.state,
+                axis.flags(t, u_asked, u),
+            )
         words = self.shared.words
         self.tick, self.values = words[Word.TICKS], values
         words[Word.TICKS] = self.tick + 1

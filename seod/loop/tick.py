@@ -10,7 +10,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from seod.config.sensors import index_channel
-from seod.loop import guard
+from seod.loop import events, guard
 from seod.loop.axis import Axis
 from seod.loop.channels import condition_channels, input_channels
 from seod.loop.guard import Trip
@@ -126,7 +126,7 @@ class Loop:
         if trip is not None:
             self.fault(t, trip)
         for axis in self.axes:
-            if axis.active and (trip := axis.inspect(t)) is not None:
+            if axis.course.active and (trip := axis.inspect(t)) is not None:
                 self.fault(t, trip, axis)
 
     def inspect_rig(self, t: float) -> Trip | None:
@@ -134,7 +134,7 @@ class Loop:
         trip, self.pending = self.pending, None
         late = self.overruns.inspect(t, self.pacer.lateness, self.period)
         self.note_trouble(t)
-        if trip is not None or not any(axis.active for axis in self.axes):
+        if trip is not None or not any(axis.course.active for axis in self.axes):
             return trip
         return (
             guard.hung(self.pacer.lateness, self.config.loop.hang_timeout)
@@ -147,17 +147,17 @@ class Loop:
     def inspect_commands(self, t: float) -> None:
         """What the controllers found wrong while they computed their commands."""
         for axis in self.axes:
-            if axis.active and axis.trip is not None:
+            if axis.course.active and axis.trip is not None:
                 self.fault(t, axis.trip, axis)
 
     def write(self, t: float, asked: list[float]) -> tuple[float, list[float]]:
         """Send what the guard passes, or neutral; returns the command in force: when it left [s], volts."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
-        if any(axis.active for axis in self.axes):
+        if any(axis.course.active for axis in self.axes):
             volts, raw = [], []
             for axis, u in zip(self.axes, asked, strict=True):
-                volt = axis.guard.pass_command(t, u) if axis.active else 0.0
+                volt = axis.guard.pass_command(t, u) if axis.course.active else 0.0
                 volts.append(volt)
                 raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
             left = self.driver.write(t, raw)
@@ -192,10 +192,10 @@ class Loop:
             return self.start(t, chosen, **message["values"])
         elif op == "stop":
             for axis in chosen:
-                axis.stop(t)
+                axis.course.stop(t)
         elif op == "reset":
             for axis in chosen:
-                axis.reset(t)
+                axis.course.reset(t)
         elif op == "set":
             return self.change(t, chosen, message["values"])
         else:
@@ -214,11 +214,11 @@ class Loop:
             error = axis.drive(t, **drive) if drive else axis.start(t, waiting=waiting)
             if error is not None:
                 for other in started:
-                    other.stop(t, "another axis could not start")
+                    other.course.stop(t, "another axis could not start")
                 return error
             started.append(axis)
         if in_turn:
-            self.turns.begin(chosen)
+            self.turns.begin([axis.course for axis in chosen])
         return None
 
     def change(self, t: float, chosen: list[Axis], values: dict[str, float]) -> str | None:
@@ -234,19 +234,10 @@ class Loop:
         """Latch the axis whose fault it is, or all of them; of each axis the first reason is the one told."""
         alone = axis is not None and self.config.guard.fault_policy == "axis"
         chosen = [axis] if axis is not None and alone else self.axes
-        latched = [each for each in chosen if each.state is not AxisState.FAULT]
+        latched = [each for each in chosen if each.course.state is not AxisState.FAULT]
         if latched:
-            self.shared.events.put(
-                {
-                    "event": "fault",
-                    "t": t,
-                    "axis": axis.name if axis else None,
-                    "latched": [each.name for each in latched],
-                    "code": trip.code,
-                    "why": trip.why,
-                    "numbers": {k: v for k, v in trip.numbers.items() if math.isfinite(v)},
-                }
-            )
+            told = events.fault(t, axis.name if axis else None, [each.name for each in latched], trip)
+            self.shared.events.put(told)
         for each in latched:
             each.fault(t, trip)
 
@@ -264,7 +255,7 @@ class Loop:
             return
         self.trouble = trouble
         why = trouble or "the rig can be reached again"
-        self.shared.events.put({"event": "warning", "t": t, "axis": None, "code": "link", "why": why})
+        self.shared.events.put(events.warning(t, None, "link", why))
 
     def finish(self) -> None:
         """Neutral, last row, close."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.loop.axis import Axis
+    from seod.loop.course import Course
 
 
 class Turns:
@@ -24,10 +24,10 @@ class Turns:
 
     def __init__(self, length: float) -> None:
         self.length = length
-        self.queue: list[Axis] = []
+        self.queue: list[Course] = []
         self.relay_on = math.inf
 
-    def begin(self, axes: Sequence[Axis]) -> None:
+    def begin(self, axes: Sequence[Course]) -> None:
         """Have these axes, which have been started just now, take turns; the first one is not waiting."""
         self.queue = list(axes)
         self.relay_on = math.inf
@@ -37,8 +37,8 @@ class Turns:
         if not self.queue:
             return
         holder = self.queue[0]
-        if not all(axis.active for axis in self.queue):
-            self.queue = [axis for axis in self.queue if axis.active]
+        if not all(course.active for course in self.queue):
+            self.queue = [course for course in self.queue if course.active]
         if not holder.active:
             self._pass_on(t, self.queue)
         elif holder.waiting:
@@ -49,8 +49,8 @@ class Turns:
             if t - self.relay_on >= self.length:
                 holder.wait(t, "its turn is over")
 
-    def _pass_on(self, t: float, queue: Sequence[Axis]) -> None:
-        self.queue = [axis for axis in queue if axis.active and not axis.stopping]
+    def _pass_on(self, t: float, queue: Sequence[Course]) -> None:
+        self.queue = [course for course in queue if course.active and not course.stopping]
         self.relay_on = math.inf
         if self.queue:
             self.queue[0].go_on(t)

@@ -105,7 +105,7 @@ class Bench:
 
     @property
     def state(self) -> AxisState:
-        return self.loop.axes[0].state
+        return self.loop.axes[0].course.state
 
     @property
     def volts(self) -> float:

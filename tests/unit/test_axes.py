@@ -55,7 +55,7 @@ class Axes(Bench):
         return [axis.name for axis in self.loop.axes].index(name)
 
     def states(self) -> dict[str, str]:
-        return {axis.name: axis.state.name.lower() for axis in self.loop.axes}
+        return {axis.name: axis.course.state.name.lower() for axis in self.loop.axes}
 
     def voltage(self, name: str) -> float:
         assert self.driver.rig is not None
@@ -188,7 +188,7 @@ def test_what_concerns_the_rig_stops_all_axes_under_either_policy(
     elif code == "hang":
         seat.pacer.lateness = 0.2
     else:
-        seat.loop.axes[0].controller.step = lambda t, e: 1 / 0  # type: ignore[method-assign] # a bug
+        seat.loop.axes[0].course.controller.step = lambda t, e: 1 / 0  # type: ignore[method-assign] # a bug
         with pytest.raises(ZeroDivisionError):
             seat.loop.run()
     if code != "exception":

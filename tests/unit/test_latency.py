@@ -172,7 +172,7 @@ def test_the_built_in_rig_is_excited_from_the_first_tick(axes: int) -> None:
     for k in range(20):
         loop.pacer.lateness = 0.0
         loop.tick(start + k * 5e-4)
-    assert [axis.state for axis in loop.axes] == [AxisState.EXCITING] * axes
+    assert [axis.course.state for axis in loop.axes] == [AxisState.EXCITING] * axes
     loop.driver.close()
     loop.shared.close()
 

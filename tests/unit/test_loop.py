@@ -284,7 +284,7 @@ def test_a_controller_that_asks_for_no_number_faults(bench: Callable[..., Bench]
     rig = bench()
     rig.call("start")
     rig.run(1.0)
-    rig.loop.axes[0].controller.step = lambda t, e: math.nan  # type: ignore[method-assign] # a bug
+    rig.loop.axes[0].course.controller.step = lambda t, e: math.nan  # type: ignore[method-assign] # a bug
     rig.run(PERIOD)
     assert rig.faults() == ["non_finite"]
     assert rig.volts == 0.0
@@ -326,7 +326,7 @@ def test_a_command_that_did_not_leave_is_not_in_the_rows(bench: Callable[..., Be
     rig.run(1.0)
     rig.rows()
     rig.driver.write = lambda t, values: math.nan  # type: ignore[method-assign] # no room in the queue
-    rig.loop.axes[0].controller.step = lambda t, e: 0.123  # type: ignore[method-assign] # another command
+    rig.loop.axes[0].course.controller.step = lambda t, e: 0.123  # type: ignore[method-assign] # another command
     rig.run(0.005)
     last, *rows = rig.rows()  # the first is of the tick before
     assert len(rows) == 9

@@ -346,9 +346,9 @@ def test_an_axis_that_waits_for_its_turn_rests(bench: Callable[..., Bench]) -> N
     assert rig.state is AxisState.HOLDING
     rows = rig.rows()[-200:]
     assert abs(sum(r["y"] for r in rows)) / 200 < 1.0
-    axis.go_on(rig.pacer.now())
+    axis.course.go_on(rig.pacer.now())
     until(rig, AxisState.EXCITING)
     assert rig.rows()[-1]["y"] == pytest.approx(32.5, abs=6.0)
-    axis.wait(rig.pacer.now(), "its turn is over")
+    axis.course.wait(rig.pacer.now(), "its turn is over")
     rig.run(2.0)
     assert rig.rows()[-1]["y"] == pytest.approx(0.0, abs=6.0)
