@@ -11,7 +11,8 @@ from typer import BadParameter
 from typer.testing import CliRunner
 
 from seod import __version__, text
-from seod.cli import app, read_assignments
+from seod.cli import app
+from seod.commands.over_tcp import read_assignments
 from seod.paths import configs_dir
 
 

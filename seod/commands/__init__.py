@@ -1,0 +1,1 @@
+"""The commands of `seod`, by what they work on; `seod.cli` puts them together."""

@@ -1,0 +1,166 @@
+"""Commands to a daemon that runs, over TCP."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from seod.client import DEFAULT_HOST, DEFAULT_PORT, Client
+from seod.commands.common import CommandError, Duration, app, plain_errors, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Axis = Annotated[str | None, typer.Argument(help="Axis; all of them, or the only one, if left out.")]
+Json = Annotated[bool, typer.Option("--json", help="The daemon's answer as JSON.")]
+
+
+def client_command(function: Callable[..., None]) -> Callable[..., None]:
+    """Make a command of a function of a `Client`: adds the options that say where the daemon is."""
+
+    def connection(
+        host: Annotated[str, typer.Option(help="Where the daemon runs.")] = DEFAULT_HOST,
+        port: Annotated[int, typer.Option(help="Its port.", min=1, max=65535)] = DEFAULT_PORT,
+        token: Annotated[
+            str | None, typer.Option(envvar="SEOD_TOKEN", help="Its token, if it wants one.")
+        ] = None,
+        tls: Annotated[
+            Path | None, typer.Option(metavar="PEM", help="Use TLS; trust this certificate.")
+        ] = None,
+    ) -> None: ...
+
+    @wraps(function)
+    def command(host: str, port: int, token: str | None, tls: Path | None, **arguments: Any) -> None:
+        with plain_errors(), Client(host, port, token, tls) as client:
+            function(client, **arguments)
+
+    signatures = [inspect.signature(f, eval_str=True) for f in (function, connection)]
+    own, common = (list(signature.parameters.values()) for signature in signatures)
+    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own[1:] + common]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] # what typer reads
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    app.command(function.__name__.rstrip("_"))(command)
+    return function
+
+
+@client_command
+def status(client: Client, as_json: Json = False) -> None:
+    """Show the whole rig at once."""
+    from seod import text  # noqa: PLC0415
+
+    answer = client.status()
+    show(json.dumps(answer) if as_json else text.status(answer))
+
+
+@client_command
+def get(client: Client, axis: Axis = None, as_json: Json = False) -> None:
+    """Show an axis: state, settings and newest estimate."""
+    from seod import text  # noqa: PLC0415
+
+    answer = client.get(axis)
+    show(json.dumps(answer) if as_json else text.axis(answer))
+
+
+@client_command
+def watch(
+    client: Client,
+    duration: Duration = None,
+    count: Annotated[int | None, typer.Option(min=1, help="End after so many estimates.")] = None,
+) -> None:
+    """Show live estimates: a table in a terminal, else one line for each."""
+    from seod.view import watch as show_live  # noqa: PLC0415
+
+    show_live(client, duration, count)
+
+
+def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | str]]:
+    """`["motor", "e_a=1.5"]` to axis and values; a word that is no number stays a word.
+
+    Raises:
+        typer.BadParameter: Something else.
+    """
+    axis = None if "=" in words[0] else words[0]
+    values: dict[str, float | str] = {}
+    for word in words[axis is not None :]:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{word!r} is not NAME=VALUE, such as e_a=1.5")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            values[name] = {"true": True, "false": False}.get(value, value)
+    return axis, values
+
+
+def _check_assignments(words: list[str]) -> list[str]:
+    read_assignments(words)
+    return words
+
+
+Assignments = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="[AXIS] NAME=VALUE...",
+        help="e_a, bias [V], hysteresis [axis unit], K_L, method; in velocity mode reference, trim=false.",
+        callback=_check_assignments,
+    ),
+]
+
+
+@client_command
+def set_(client: Client, assignments: Assignments, as_json: Json = False) -> None:
+    """Change settings of an axis."""
+    from seod import text  # noqa: PLC0415
+
+    axis, values = read_assignments(assignments)
+    answer = client.set(axis, **values)
+    show(json.dumps(answer) if as_json else text.settings(answer["settings"]))
+
+
+@client_command
+def start(client: Client, axis: Axis = None) -> None:
+    """Excite an axis, or all."""
+    client.start(axis)
+
+
+@client_command
+def stop(client: Client, axis: Axis = None) -> None:
+    """End the excitation; the axis goes back to where it stood."""
+    client.stop(axis)
+
+
+@client_command
+def estop(client: Client) -> None:
+    """Neutral at once; needs a reset afterwards."""
+    client.estop()
+
+
+@client_command
+def reset(client: Client, axis: Axis = None) -> None:
+    """Leave the fault, of an axis or of all; starts a new loop where it has died."""
+    client.reset(axis)
+
+
+@client_command
+def ramp(
+    client: Client,
+    low: Annotated[float, typer.Option("--from", min=0.0, metavar="V", help="Smallest e_a.")],
+    high: Annotated[float, typer.Option("--to", min=0.0, metavar="V", help="Largest e_a.")],
+    axis: Axis = None,
+    steps: Annotated[int, typer.Option(min=2, max=100, help="Amplitudes.")] = 8,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
+) -> None:
+    """Raise e_a in steps: smallest clean amplitude, zeta and omega_n over e_a."""
+    from seod.calibrate import ramp as procedure  # noqa: PLC0415 - numerics
+    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+
+    try:
+        procedure.run(client, axis, low, high, steps, plot, as_json)
+    except CalibrationError as error:
+        raise CommandError(str(error)) from error
