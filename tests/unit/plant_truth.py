@@ -1,0 +1,372 @@
+"""The simulated plant written apart, from docs/model.md alone: an ODE with modes, integrated by scipy.
+
+`Plant` knows in which branch of each law it is (sticking, at a stop, in contact, beside the overlap), integrates
+until a branch ends (DOP853 with dense output), and goes on in the next. Slow and strict: it is what the compiled
+kernel is held against.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from sim.effects import EFFECTS
+
+SPOOL, ACCELERATION, SPEED, PLACE, SPEED2, PLACE2, BRISTLE, LAGGED = range(8)
+SOFT = 0.01  # epsilon of the orifice
+RTOL = 1e-10
+
+
+def signed_root(drop: float) -> float:
+    return drop * ((1.0 + SOFT**2) / (drop**2 + SOFT**2)) ** 0.25
+
+
+class Effects:
+    """Values by effect and parameter; what is not given is null."""
+
+    def __init__(self, given):
+        self._given = given
+
+    def __call__(self, name: str, parameter: str) -> float:
+        null = next(each.null for each in EFFECTS[name].parameters if each.name == parameter)
+        return self._given.get(name, {}).get(parameter, null)
+
+
+class Plant:
+    def __init__(
+        self,
+        K_L,
+        omega_n,
+        zeta,
+        effects=None,
+        *,
+        stops=(-math.inf, math.inf),
+        sees_speed=False,
+        t=0.0,
+        position=0.0,
+    ):
+        self.K_L, self.omega_n, self.zeta = K_L, omega_n, zeta
+        self.of, self.stops, self.sees_speed = Effects(effects or {}), stops, sees_speed
+        self.supply, self.warmth = 1.0, 0.0
+        self.t = self.start = t
+        self.played = 0.0  # the command behind saturation and hysteresis
+        self.behind = position  # behind the backlash, while its gap is open
+        self.contact = self.at_stop = 0
+        self.inertia = self.of("load_resonance", "inertia")
+        self.gap = self.of("backlash", "gap")
+        level = self.of("coulomb_friction", "level") + self.of("stribeck_friction", "level")
+        self.bristles = self.of("lugre_friction", "stiffness") > 0.0
+        self.dry = level > 0.0 and not self.bristles
+        self.breakaway = level
+        self.slides = 0
+        self.w = np.zeros(8)
+        self.w[[PLACE, PLACE2]] = position
+        self.w[ACCELERATION] = self.spring(position)
+        self.w[LAGGED] = 0.0 if sees_speed else self.encoder(position)
+        self.segments = 0
+
+    # laws
+
+    def spring(self, y):
+        centre = self.of("load_spring", "centre")
+        return self.of("load_bias", "acceleration") + self.of("load_spring", "stiffness") * (y - centre)
+
+    def load(self, t, y):
+        of = self.of
+        angle = of("periodic_disturbance", "omega") * (t - self.start) + of("periodic_disturbance", "phase")
+        return self.spring(y) - of("periodic_disturbance", "amplitude") * math.sin(angle)
+
+    def drifted(self, t):
+        def factor(name):
+            slow = self.of("parameter_drift", name) * (t - self.start)
+            return max(0.05, 1.0 + slow + self.of("parameter_drift", name + "_thermal") * self.warmth)
+
+        return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
+
+    def opening(self, spool, side):
+        """Of the branch `side` of the overlap: -1, 0, 1."""
+        e = spool - self.of("null_shift", "voltage")
+        beyond = (e - side * self.of("valve_deadband", "half_width")) * abs(side)
+        return beyond * (1.0 + side * self.of("asymmetric_gain", "ratio"))
+
+    def flow(self, gain, opened, side, acceleration):
+        full = self.of("square_root_flow", "supply")
+        if math.isinf(full):
+            return gain * opened
+        drop = 1.0 - side * acceleration / (full * self.supply)
+        return gain * opened * math.sqrt(self.supply) * signed_root(drop)
+
+    def friction(self, v, direction):
+        bump = self.of("stribeck_friction", "level")
+        bump *= math.exp(-((v / self.of("stribeck_friction", "speed")) ** 2))
+        return direction * (self.of("coulomb_friction", "level") + bump)
+
+    def bristle_rate(self, v, z):
+        return v - self.of("lugre_friction", "stiffness") * abs(v) * z / self.friction(v, 1.0)
+
+    def coupling(self, w):
+        """Acceleration of the second inertia."""
+        if not self.inertia:
+            return 0.0
+        omega, zeta = self.of("load_resonance", "omega"), self.of("load_resonance", "zeta")
+        spring = omega**2 * (w[PLACE] - w[PLACE2])
+        return spring + 2.0 * zeta * omega * (w[SPEED] - w[SPEED2])
+
+    def drive(self, t, w):
+        """What the first inertia would be accelerated by without friction, over 1 + inertia."""
+        drawn = self.inertia / (1.0 + self.inertia) * self.coupling(w)
+        return w[ACCELERATION] - self.load(t, w[PLACE]) - drawn
+
+    def encoder(self, y):
+        of = self.of
+        angle = of("position_ripple", "wavenumber") * y + of("position_ripple", "phase")
+        return y + of("position_ripple", "amplitude") * math.sin(angle)
+
+    def encoder_slope(self, y):
+        of = self.of
+        k = of("position_ripple", "wavenumber")
+        return 1.0 + of("position_ripple", "amplitude") * k * math.cos(k * y + of("position_ripple", "phase"))
+
+    # modes
+
+    @property
+    def held(self):
+        return bool(self.at_stop) or (self.dry and self.slides == 0)
+
+    def after_play(self, y):
+        if self.gap == 0.0:
+            return y
+        return y - self.contact * self.gap / 2.0 if self.contact else self.behind
+
+    def seen(self, w):
+        """What the sensor sees before its lag."""
+        y3 = self.after_play(w[PLACE])
+        if not self.sees_speed:
+            return self.encoder(y3)
+        touches = self.gap == 0.0 or self.contact != 0
+        return w[SPEED] * self.encoder_slope(y3) if touches else 0.0
+
+    def reading(self, w):
+        return w[LAGGED] if self.of("sensor_lag", "time") else self.seen(w)
+
+    def slope(self, side):
+        lag, sensor_lag = self.of("valve_lag", "time"), self.of("sensor_lag", "time")
+        air = self.of("pressure_dependent_stiffness", "air")
+        stiffness = (1.0 + air) / (1.0 + air / self.supply**2)
+
+        def f(t, w):
+            d = np.zeros(8)
+            gain, omega, zeta = self.drifted(t)
+            v, a = w[SPEED], w[ACCELERATION]
+            q = self.flow(gain, self.opening(w[SPOOL], side), side, a)
+            d[SPOOL] = (self.played - w[SPOOL]) / lag if lag else 0.0
+            d[ACCELERATION] = stiffness * (omega**2 * (q - v) - 2.0 * zeta * omega * a)
+            d[PLACE] = v
+            d[SPEED2], d[PLACE2] = self.coupling(w), w[SPEED2]
+            if not self.held:
+                d[SPEED] = (1.0 + self.inertia) * (self.drive(t, w) - self.resistance(w, d))
+            d[LAGGED] = (self.seen(w) - w[LAGGED]) / sensor_lag if sensor_lag else 0.0
+            return d
+
+        return f
+
+    def resistance(self, w, d):
+        """Friction on the moving load; sets the bristles' rate in `d`."""
+        if self.bristles:
+            d[BRISTLE] = self.bristle_rate(w[SPEED], w[BRISTLE])
+            stiff = self.of("lugre_friction", "stiffness") * w[BRISTLE]
+            return stiff + self.of("lugre_friction", "damping") * d[BRISTLE]
+        return self.friction(w[SPEED], self.slides) if self.dry else 0.0
+
+    def endings(self, t_end):
+        """(function of t and w, direction, what to do then) for each way out of the present branches."""
+        ways = []
+        low, high = self.stops
+        if self.held:
+            if self.at_stop <= 0:
+                ways.append((lambda t, w: self.drive(t, w) - self.breakaway, 1, lambda: self.let_go(1)))
+            if self.at_stop >= 0:
+                ways.append((lambda t, w: self.drive(t, w) + self.breakaway, -1, lambda: self.let_go(-1)))
+            return ways
+        if self.dry:
+            ways.append((lambda t, w: w[SPEED], -self.slides, self.arrest))
+        if math.isfinite(low):
+            ways.append((lambda t, w: w[PLACE] - low, -1, lambda: self.hit(-1)))
+        if math.isfinite(high):
+            ways.append((lambda t, w: w[PLACE] - high, 1, lambda: self.hit(1)))
+        if self.gap and self.contact:
+            ways.append((lambda t, w: w[SPEED], -self.contact, self.part))
+        elif self.gap:
+            ways += [(self.clearance(side), side, lambda side=side: self.touch(side)) for side in (-1, 1)]
+        return ways
+
+    def clearance(self, side):
+        return lambda t, w: w[PLACE] - side * self.gap / 2.0 - self.behind
+
+    def part(self):
+        self.behind = self.after_play(self.w[PLACE])
+        self.contact = 0
+
+    def touch(self, side):
+        self.contact = side
+
+    def let_go(self, direction):
+        self.at_stop = 0
+        self.slides = direction if self.dry else 0
+
+    def stand(self):
+        self.w[SPEED] = 0.0
+        self.slides = 0
+        self.part()
+
+    def arrest(self):
+        self.stand()
+        drive = self.drive(self.t, self.w)
+        if abs(drive) > self.breakaway:
+            self.let_go(1 if drive > 0.0 else -1)
+
+    def hit(self, side):
+        self.w[PLACE] = self.stops[0 if side < 0 else 1]
+        self.stand()
+        self.at_stop = side
+        if side * self.drive(self.t, self.w) < -self.breakaway:
+            self.let_go(-side)
+
+    # time
+
+    def command(self, volts):
+        limit, width = self.of("valve_saturation", "limit"), self.of("valve_hysteresis", "half_width")
+        volts = min(max(volts, -limit), limit)
+        self.played = min(max(self.played, volts - width), volts + width)
+        if not self.of("valve_lag", "time"):
+            self.w[SPOOL] = self.played
+
+    def edges(self, t_end):
+        """Times until `t_end` at which the spool passes an edge of the overlap."""
+        lag, here = self.of("valve_lag", "time"), self.w[SPOOL]
+        times = []
+        for side in (-1, 1):
+            edge = self.of("null_shift", "voltage") + side * self.of("valve_deadband", "half_width")
+            if lag and (here - edge) * (self.played - edge) < 0.0:
+                times.append(self.t + lag * math.log((here - self.played) / (edge - self.played)))
+        return sorted(t for t in times if self.t < t < t_end)
+
+    def side_between(self, t_end):
+        lag = self.of("valve_lag", "time")
+        spool = self.w[SPOOL]
+        if lag:
+            spool = self.played + (spool - self.played) * math.exp(-(t_end - self.t) / 2.0 / lag)
+        e, d = spool - self.of("null_shift", "voltage"), self.of("valve_deadband", "half_width")
+        return 1 if e > d else -1 if e < -d else 0
+
+    def advance(self, t_end, times=(), watch=None):
+        """Go on to `t_end`; readings at `times`. Stops early where `watch(t, reading)` rises through 0."""
+        readings = np.full(len(times), np.nan)
+        while self.t < t_end:
+            for edge in [*self.edges(t_end), t_end]:
+                side = self.side_between(edge)
+                while self.t < edge:
+                    if self.segment(edge, side, times, readings, watch):
+                        return readings
+        return readings
+
+    def segment(self, t_end, side, times, readings, watch):
+        """Integrate until a branch ends, at most to `t_end`; True where `watch` ended it."""
+        self.segments += 1
+        if self.segments > 20000:
+            raise RuntimeError(f"no progress at t = {self.t}")
+        ways = self.endings(t_end)
+        if watch:
+            ways.append((lambda t, w: watch(t, self.reading(w)), 1, None))
+        events = [ending(way) for way, _, _ in ways]
+        for event, (_, direction, _) in zip(events, ways, strict=True):
+            event.terminal, event.direction = True, direction
+        speed, place = self.K_L, self.K_L / self.omega_n
+        scale = np.array([1.0, speed * self.omega_n, speed, place, speed, place, place, place])
+        run = solve_ivp(
+            self.slope(side), (self.t, t_end), self.w, method="DOP853", rtol=RTOL, atol=1e-12 * scale,
+            events=events, dense_output=True, max_step=0.05 / self.omega_n,
+        )  # fmt: skip
+        for k in np.flatnonzero((np.asarray(times) >= self.t) & (np.asarray(times) <= run.t[-1])):
+            readings[k] = self.reading(run.sol(times[k]))
+        self.t, self.w = run.t[-1], run.y[:, -1].copy()
+        for way, found in zip(ways, run.t_events, strict=True):
+            if len(found):
+                if way[2] is None:
+                    return True
+                way[2]()
+        return False
+
+
+def ending(way):
+    def event(t, w):
+        return way(t, w)
+
+    return event
+
+
+def follow(plant: Plant, t_u, u, t, supply=None, warmth=None) -> np.ndarray:
+    """Readings at `t` under commands `u` at `t_u`; supply and warmth of row k hold on the way to it."""
+    arrivals = np.asarray(t_u) + plant.of("transport_delay", "time")
+    y, given = np.empty(len(t)), 0
+    changing = supply is not None or warmth is not None
+    bounds = list(t) if changing else [t[-1]]
+    first = 0
+    for k, bound in enumerate(bounds):
+        plant.supply = supply[k] if supply is not None else 1.0
+        plant.warmth = warmth[k] if warmth is not None else 0.0
+        last = k + 1 if changing else len(t)
+        while True:
+            stop = min(bound, arrivals[given]) if given < len(u) else bound
+            part = plant.advance(max(stop, plant.t), t[first:last])
+            fresh = ~np.isnan(part)
+            y[first:last][fresh] = part[fresh]
+            if stop == bound and (given == len(u) or arrivals[given] > bound):
+                break
+            plant.command(u[given])
+            given += 1
+        if t[last - 1] == plant.t:
+            y[last - 1] = plant.reading(plant.w)
+        first = last
+    return y
+
+
+def sampled_relay(plant: Plant, e_a, t, latency=0.0, hysteresis=0.0, reference=0.0, bias=0.0):
+    """A relay that looks at the ticks; readings and the commands made from them."""
+    y, u, pending, sign, integral = np.empty(len(t)), np.empty(len(t)), [], 1.0, 0.0
+    for k, now in enumerate(t):
+        while pending and pending[0][0] <= now:
+            due, volts = pending.pop(0)
+            plant.advance(due)
+            plant.command(volts)
+        plant.advance(now)
+        y[k] = plant.reading(plant.w)
+        if plant.sees_speed and k:
+            integral += (0.5 * (y[k] + y[k - 1]) - reference) * (t[k] - t[k - 1])
+        error = integral if plant.sees_speed else y[k] - reference
+        if abs(error) > hysteresis:
+            sign = -math.copysign(1.0, error)
+        u[k] = bias + sign * e_a
+        pending.append((now + latency + plant.of("transport_delay", "time"), u[k]))
+    return y, u
+
+
+def ideal_relay(plant: Plant, e_a, until, lag=0.0, hysteresis=0.0, speed=None, reference=0.0, bias=0.0):
+    """Times at which the position, or the integral of its speed's error, passes the relay's threshold."""
+    switches, sign, start, centre = [], 1.0, plant.t, reference if speed is None else plant.w[PLACE]
+    plant.command(bias + e_a)
+    while plant.t < until:
+
+        def rises(t, reading, sign=sign):
+            return sign * (reading - centre - (speed or 0.0) * (t - start)) - hysteresis
+
+        plant.advance(until, watch=rises)
+        if plant.t >= until:
+            break
+        switches.append(plant.t)
+        sign = -sign
+        plant.advance(plant.t + lag + plant.of("transport_delay", "time"))
+        plant.command(bias + sign * e_a)
+    return np.array(switches)
