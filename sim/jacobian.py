@@ -1,0 +1,115 @@
+"""The plant's equations differentiated about a steady state."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy.typing as npt
+
+    from sim.steady import Conditions, Steady
+
+    Matrix = npt.NDArray[np.float64]
+
+STATES = ("spool", "pressure", "velocity", "position", "velocity2", "position2", "bristle", "reading")
+"""All that there can be; names as in `sim.state`, the reading is that behind the sensor's lag."""
+
+SPOOL, PRESSURE, VELOCITY, POSITION, VELOCITY2, POSITION2, BRISTLE, READING = range(len(STATES))
+
+
+def present(p: Mapping[str, float]) -> list[int]:
+    """The states that this plant has."""
+    second, bristles = p["load_resonance_inertia"] > 0.0, p["lugre_friction_stiffness"] > 0.0
+    lags = p["valve_lag_time"] > 0.0, p["sensor_lag_time"] > 0.0
+    there = (lags[0], True, True, True, second, second, bristles, lags[1])
+    return [k for k, present in enumerate(there) if present]
+
+
+def dynamics(c: Conditions, steady: Steady) -> Matrix:
+    """The matrix of all states, without lags."""
+    p, A = c.p, np.zeros((len(STATES), len(STATES)))
+    oil = c.stiffness() * c.drifted("omega_n") ** 2
+    by_opening, by_pressure = c.flow_slopes(steady.opening, steady.side, steady.pressure)
+    if steady.blocked:
+        by_opening = 0.0
+    A[PRESSURE, SPOOL] = oil * by_opening * (1.0 + steady.side * p["asymmetric_gain_ratio"])
+    A[PRESSURE, VELOCITY] = -oil
+    A[PRESSURE, PRESSURE] = -oil * (c.leakage() - by_pressure)
+    coupling = _coupling(p)
+    if not steady.held:
+        inertia = 1.0 + p["load_resonance_inertia"]
+        A[VELOCITY] = -inertia * _friction(c, steady) - p["load_resonance_inertia"] * coupling
+        A[VELOCITY, PRESSURE] += inertia
+        A[VELOCITY, POSITION] -= inertia * p["load_spring_stiffness"]
+    A[POSITION, VELOCITY] = A[POSITION2, VELOCITY2] = 1.0
+    A[VELOCITY2] = coupling
+    A[BRISTLE] = _bristle(c, steady)
+    return A
+
+
+def _coupling(p: Mapping[str, float]) -> Matrix:
+    """Acceleration of the second inertia by each state."""
+    row = np.zeros(len(STATES))
+    omega, zeta = p["load_resonance_omega"], p["load_resonance_zeta"]
+    row[[POSITION, POSITION2]] = omega**2, -(omega**2)
+    row[[VELOCITY, VELOCITY2]] = 2.0 * zeta * omega, -2.0 * zeta * omega
+    return row
+
+
+def _friction(c: Conditions, steady: Steady) -> Matrix:
+    """Friction on the load by each state, that of one that slides or of bristles."""
+    row = np.zeros(len(STATES))
+    if c.p["lugre_friction_stiffness"] > 0.0:
+        row[BRISTLE] = c.p["lugre_friction_stiffness"]
+        return row + c.p["lugre_friction_damping"] * _bristle(c, steady)
+    row[VELOCITY] = c.friction(steady.speed)[1]
+    return row
+
+
+def _bristle(c: Conditions, steady: Steady) -> Matrix:
+    """Rate of the bristles by each state: at rest they go with the load, in motion they have settled."""
+    row = np.zeros(len(STATES))
+    if c.p["lugre_friction_stiffness"] == 0.0:
+        return row
+    if steady.direction == 0.0:
+        row[VELOCITY] = 1.0
+    elif steady.speed != 0.0:
+        level, slope = c.friction(steady.speed)
+        row[VELOCITY] = abs(steady.speed) * slope / level
+        row[BRISTLE] = -c.p["lugre_friction_stiffness"] * abs(steady.speed) / level
+    return row
+
+
+def sensor(p: Mapping[str, float], steady: Steady, position: float) -> Matrix:
+    """What is measured by each state, the sensor's lag left out."""
+    row = np.zeros(len(STATES))
+    if "backlash" in steady.blocked:
+        return row
+    wave, amplitude = p["position_ripple_wavenumber"], p["position_ripple_amplitude"]
+    angle = wave * (position - 0.5 * steady.direction * p["backlash_gap"]) + p["position_ripple_phase"]
+    slope = 1.0 + amplitude * wave * math.cos(angle)
+    if not p["measures_speed"]:
+        row[POSITION] = slope
+        return row
+    row[VELOCITY] = slope
+    row[POSITION] = -steady.speed * amplitude * wave**2 * math.sin(angle)
+    return row
+
+
+def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matrix]:
+    """Complete A by the lags of spool and sensor; returns B and C."""
+    B = np.zeros(len(STATES))
+    valve, sensor = p["valve_lag_time"], p["sensor_lag_time"]
+    if valve > 0.0:
+        A[SPOOL, SPOOL], B[SPOOL] = -1.0 / valve, 1.0 / valve
+    else:
+        B[PRESSURE] = A[PRESSURE, SPOOL]
+    if sensor > 0.0:
+        A[READING], A[READING, READING] = C / sensor, -1.0 / sensor
+        C = np.eye(len(STATES))[READING]
+    return B, C
