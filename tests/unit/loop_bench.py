@@ -70,15 +70,18 @@ class Bench:
         self.shared = Shared(len(self.config.axes), 1 << 16)
         self.pacer = SimulatedPacer(1.0 / self.config.loop.rate_hz, self.shared)
         self.pacer.start = 1000.0  # the same numbers in each run
-        simulation = SimulationConfig.model_validate(self.config.simulation)
-        options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
-        self.driver = VirtualDriver(options, self.pacer.now)
+        self.driver = self.make_driver()
         self.driver.open(input_channels(self.config), [o.channel for o in self.config.outputs.values()])
         self.driver.start()
         self.fenced = 0
         self.loop = Loop(self.config, self.driver, self.shared, self.pacer, 1, self.on_fence)
         self.events: list[dict[str, Any]] = []
         self.ids = 0
+
+    def make_driver(self) -> VirtualDriver:
+        simulation = SimulationConfig.model_validate(self.config.simulation)
+        options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
+        return VirtualDriver(options, self.pacer.now)
 
     def on_fence(self) -> None:
         self.fenced += 1
