@@ -54,9 +54,11 @@ def advance(p: Record, s: Record, t: float) -> None:
     Where a threshold is watched (`watch`) and passed, it ends there: `s.t` tells when, `s.passed` is 1.
     """
     s.passed = 0.0
-    events = 0
+    if s.velocity * s.motion < 0.0:  # nothing asked for its direction until now
+        s.motion = -s.motion
+    events, longest = 0, _longest(p, s, t)
     while s.t < t:
-        h, ends = _substep(p, s, t - s.t)
+        h, ends = _substep(p, s, t - s.t, longest)
         now = (s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged)
         then = _step(p, s, now, h)
         if events > MOST_EVENTS or _event(p, s, then, h) <= 0.0:
@@ -74,12 +76,25 @@ def advance(p: Record, s: Record, t: float) -> None:
 
 
 @compiled
-def _substep(p: Record, s: Record, left: float) -> tuple[float, bool]:
+def _longest(p: Record, s: Record, t: float) -> float:
+    """Longest substep until `t` [s]: shorter where drift or pressure have made the plant quicker."""
+    quicker = math.sqrt(physics.stiffness(p, s))
+    rate, thermal = p.parameter_drift_omega_n, p.parameter_drift_omega_n_thermal
+    if rate != 0.0 or thermal != 0.0:
+        quicker *= physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
+    rate, thermal = p.parameter_drift_zeta, p.parameter_drift_zeta_thermal
+    if rate != 0.0 or thermal != 0.0:
+        damping = physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
+        quicker *= max(1.0, damping)
+    return p.substep / max(1.0, quicker)
+
+
+@compiled
+def _substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
     """How far to go now [s], and whether that is the whole of `left`."""
-    longest = p.substep
     opening = abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target))
     if p.square_root_flow_supply < math.inf and opening > 0.0:
-        drop = 1.0 - abs(s.pressure) / (p.square_root_flow_supply * s.supply)
+        drop = 1.0 - abs(s.pressure) / (p.square_root_flow_supply * max(s.supply, physics.VACUUM))
         rate = p.omega_n * p.omega_n * p.K_L * opening / p.square_root_flow_supply
         longest = min(longest, 0.5 * math.sqrt(physics.LAMINAR + abs(drop)) / rate)
     if p.lugre_friction_stiffness > 0.0:

@@ -9,6 +9,9 @@ from sim.compiled import Record, compiled
 LAMINAR = 1e-2
 """Relative pressure drop below which the orifice's flow is laminar: no infinite slope at zero."""
 
+VACUUM = 1e-3
+"""Least supply pressure over nominal: without any the orifice and the oil have no equations."""
+
 
 @compiled
 def opening(p: Record, spool: float) -> float:
@@ -36,9 +39,10 @@ def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> f
     most = p.square_root_flow_supply
     if most == math.inf:
         return gain * opened
-    drop = 1.0 - math.copysign(pressure, opened * pressure) / (most * s.supply)
+    supply = max(s.supply, VACUUM)
+    drop = 1.0 - math.copysign(pressure, opened * pressure) / (most * supply)
     orifice = drop * ((1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR)) ** 0.25
-    return gain * opened * math.sqrt(s.supply) * orifice
+    return gain * opened * math.sqrt(supply) * orifice
 
 
 @compiled
@@ -51,7 +55,10 @@ def drifted(rate: float, thermal: float, t: float, warmth: float) -> float:
 def stiffness(p: Record, s: Record) -> float:
     """Stiffness of the oil over that at nominal supply pressure."""
     air = p.pressure_dependent_stiffness_air
-    return 1.0 if air == 0.0 else (1.0 + air) / (1.0 + air / (s.supply * s.supply))
+    if air == 0.0:
+        return 1.0
+    supply = max(s.supply, VACUUM)
+    return (1.0 + air) / (1.0 + air / (supply * supply))
 
 
 @compiled

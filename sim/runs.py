@@ -8,6 +8,8 @@ row, or none: then both stay as they are. `noise` [unit, or unit/s] likewise.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from sim.compiled import Record, compiled
@@ -89,8 +91,8 @@ def sampled_relay(
     by `shift` periods of the first.
     """
     given, sign, signal, shown = 0, 1.0, 0.0, 1.0
-    crossed = period = late = 0.0  # time of the last upward crossing, last undisturbed period, lateness now
-    count, due = 0, -1.0  # cycles of this phase; when the shown sign follows, -1: at once
+    crossed, period, late = math.nan, 0.0, 0.0  # last upward crossing, last undisturbed period, lateness now
+    count, due = 0, -math.inf  # cycles of this phase; when the shown sign follows
     for k in range(len(t)):
         _condition(s, supply, warmth, k)
         given = _deliver(p, s, t_u, u, given, k, t[k])
@@ -103,7 +105,7 @@ def sampled_relay(
         if wanted != sign:
             sign, due = wanted, t[k] + late
             if sign > 0.0:
-                if late == 0.0 and crossed > 0.0:
+                if late == 0.0 and not math.isnan(crossed):
                     period = t[k] - crossed
                 crossed = t[k]
                 count += 1
@@ -132,15 +134,15 @@ def ideal_relay(p: Record, s: Record, r: Record, t: Array, y: Array, switches: A
     Returns:
         How many switches there were.
     """
-    sign, count, start, due = 1.0, 0, s.t, -1.0
+    sign, count, start, due = 1.0, 0, s.t, math.inf  # due: when the last switch acts
     command(p, s, r.bias + r.e_a)
     s.rate = r.reference if r.velocity_mode else 0.0
     centre = s.position if r.velocity_mode else r.reference
     for k in range(len(t)):
         while s.t < t[k]:
-            s.watch = sign if due < 0.0 else 0.0
+            s.watch = sign if due == math.inf else 0.0
             s.level = centre + sign * r.hysteresis - s.rate * start
-            advance(p, s, t[k] if due < 0.0 else min(due, t[k]))
+            advance(p, s, min(due, t[k]))
             if s.passed != 0.0:
                 if count < len(switches):
                     switches[count] = s.t
@@ -148,9 +150,9 @@ def ideal_relay(p: Record, s: Record, r: Record, t: Array, y: Array, switches: A
                 sign = -sign
                 due = s.t + r.latency + p.transport_delay_time
                 s.passed = 0.0
-            if due >= 0.0 and s.t >= due:
+            if s.t >= due:
                 command(p, s, r.bias + sign * r.e_a)
-                due = -1.0
+                due = math.inf
         y[k] = measured(p, s)
     s.watch = 0.0
     return count
