@@ -1,7 +1,8 @@
 """Driver of the simulated rig, in process: no bus and no other end, nothing between loop and plant but time.
 
 It keeps whatever time its clock tells: CLOCK_MONOTONIC in real time, or a simulated clock that steps as fast
-as it can (`realtime: false`). The plant is always where that time says.
+as it can (`realtime: false`). The plant is always where that time says. The kernel behind it is imported by
+`open`: reading a rig file does not pay for it.
 """
 
 from __future__ import annotations
@@ -14,10 +15,14 @@ from pydantic import BaseModel, ConfigDict
 
 from drivers.base import Channel, Driver, DriverError, DriverStateError, Sample
 from sim.config import SimulationConfig
-from sim.rig import NEUTRAL, SimulatedRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+
+    from sim.rig import SimulatedRig
+
+NEUTRAL = 0.0
+"""At which the load stands still [V]."""
 
 
 class VirtualOptions(BaseModel):
@@ -56,7 +61,7 @@ class VirtualDriver(Driver):
         self.rig: SimulatedRig | None = None
         self._period = 1.0 / self.simulation.sensor_rate_hz
         self._next_sample = math.inf
-        self._sensors: list[Callable[[float], float]] = []
+        self._samplers: list[Callable[[float], tuple[float, float]]] = []
         self._amplifiers: list[Callable[[float, float], None]] = []
         self._neutral: list[float] = []
 
@@ -84,8 +89,10 @@ class VirtualDriver(Driver):
             if (name, direction) not in known:
                 there = ", ".join(sorted(n for n, d in known if d == direction))
                 raise DriverError(f"no {direction} channel {name!r} in simulation:; there are {there}")
+        from sim.rig import SimulatedRig  # noqa: PLC0415 - numba
+
         self.rig = SimulatedRig(self.simulation, self.clock())
-        self._sensors = [self.rig.sensor(name) for name in inputs]
+        self._samplers = [self.rig.sampler(name) for name in inputs]
         self._amplifiers = [self.rig.amplifier(name) for name in outputs]
         self._neutral = [NEUTRAL] * len(outputs) if neutral is None else list(neutral)
 
@@ -110,10 +117,10 @@ class VirtualDriver(Driver):
         return fresh
 
     def read(self, t: float) -> list[Sample]:
-        """What each sensor says at `t` [s]: every reading is a new sample."""
+        """What each sensor says at `t` [s]: every reading is a new sample, but those that never came."""
         if self.rig is None:
             raise _unopened("read")
-        samples = [Sample(sensor(t), t) for sensor in self._sensors]
+        samples = [Sample(*sample(t)) for sample in self._samplers]
         self.counters[0] += 1
         self.counters[2] = self.rig.watchdog_trips()
         return samples

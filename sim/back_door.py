@@ -12,8 +12,9 @@ from sim.sensor_config import Finite
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
+    from sim.actuator import Actuator
     from sim.faults import FaultLine
-    from sim.rig import Actuator, SimulatedRig
+    from sim.rig import SimulatedRig
 
 
 _NUMBER: TypeAdapter[float] = TypeAdapter(Finite, config=ConfigDict(strict=True))
@@ -87,9 +88,7 @@ class BackDoor:
     def constant(self, params: dict[str, Any]) -> object:
         """`channel`, `value`: what a constant input says from now on, such as an e-stop line."""
         channel, value = params.get("channel"), params.get("value")
-        if channel not in self._rig.constants:
-            raise ValueError(f"no constant {channel!r}; there are {', '.join(self._rig.constants) or 'none'}")
-        self._rig.constants[channel] = _NUMBER.validate_python(value)
+        self._rig.set_constant(self._clock(), str(channel), _NUMBER.validate_python(value))
         return self._rig.constants
 
     def fault(self, params: dict[str, Any]) -> object:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.can_codec import CanCodec, CodecError
@@ -21,12 +22,19 @@ class SensorMessage:
         name: Message in the DBC.
         signals: Signal -> the sensor that fills it.
         every: It goes with each so many-th turn of the sensors.
+        lost: Asked once for each frame: whether it never comes.
     """
 
     def __init__(
-        self, codec: CanCodec, name: str, signals: dict[str, Callable[[float], float]], every: int
+        self,
+        codec: CanCodec,
+        name: str,
+        signals: dict[str, Callable[[float], float]],
+        every: int,
+        lost: Callable[[], bool],
     ) -> None:
         self.name = name
+        self.lost = lost
         self.every = every
         self.sent = 0
         self._codec = codec
@@ -34,12 +42,14 @@ class SensorMessage:
         self._dbc = codec.layout(name).message
         self._readings: dict[str, float] = {}
 
-    def frame(self, t: float, frozen: bool) -> Frame:
-        """The next frame, with readings of `t` [s] or, frozen, those of the frame before."""
+    def frame(self, t: float, frozen: bool) -> Frame | None:
+        """The next frame, with readings of `t` [s] or, frozen, of the frame before; None: it is lost."""
         if not (frozen and self._readings):
             self._readings = {signal: sensor(t) for signal, sensor in self._signals.items()}
         data = self._codec.encode(self.name, self._readings, self.sent)
         self.sent += 1
+        if self.lost():
+            return None
         return Frame(self.name, self._dbc.frame_id, self._dbc.is_extended_frame, data, self._dbc.is_fd)
 
 
@@ -58,8 +68,14 @@ def sensor_messages(codec: CanCodec, rig: SimulatedRig, rate_hz: float) -> list[
     messages = []
     for name, signals in found.items():
         every = max(1, round(rate_hz / (codec.layout(name).rate_hz or rate_hz)))
-        messages.append(SensorMessage(codec, name, signals, every))
+        channels = [f"{name}.{signal}" for signal in signals]
+        messages.append(SensorMessage(codec, name, signals, every, partial(_any_missing, rig, channels)))
     return messages
+
+
+def _any_missing(rig: SimulatedRig, channels: list[str]) -> bool:
+    missing = [rig.missing(channel) for channel in channels]  # each is asked for its own sample
+    return any(missing)
 
 
 def check_channels(codec: CanCodec, rig: SimulatedRig) -> None:

@@ -182,7 +182,9 @@ class CanRig:
     def _measure(self, t: float) -> None:
         for message in self.messages:
             if self._turn % message.every == 0:
-                self.faults.put(t, message.frame(t, self.faults.hits("freeze", message.name)))
+                frame = message.frame(t, self.faults.hits("freeze", message.name))
+                if frame is not None:
+                    self.faults.put(t, frame)
         self._turn += 1
 
     def _send(self, t: float) -> None:

@@ -1,4 +1,4 @@
-"""The rig file's `simulation:` section: the truth of a simulated rig. Plain SI numbers."""
+"""The rig file's `simulation:` section: the truth of a simulated rig. Plain SI numbers. Needs no numba."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from sim.effect_config import Effects
+from sim.effects import contradiction
 from sim.sensor_config import AnySensor, Finite, IncrementalEncoderTruth, NonNegative, Positive
 
 
 class PlantConfig(BaseModel):
-    """One actuator: velocity = G_L(s) (V - bias), G_L of Eq. 1, position its integral."""
+    """One actuator: G_L of Eq. 1 from volts to velocity, position its integral, and what else is in it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -27,20 +29,25 @@ class PlantConfig(BaseModel):
     """Undamped natural frequency [rad/s]."""
     zeta: Positive
     """Damping ratio."""
-    bias: Finite = 0.0
-    """Valve null shift [V]: the voltage at which the load stands still."""
+    effects: Effects = Field(default_factory=dict)
+    """What it has beyond Eq. 1, as in `sim/effects.py`: {effect: {parameter: value}}."""
     position: Finite = 0.0
     """Position at start [output unit]."""
     noise: NonNegative = 0.0
     """Standard deviation of the sensor's white noise [output unit, for a speed per s]."""
-    resolution: NonNegative = 0.0
-    """Quantisation step of the sensor [output unit]; 0 for none."""
-    saturation: Positive | None = None
-    """The amplifier clips the command to +- this [V]."""
     stops: Annotated[tuple[Finite, Finite], Field(strict=False)] | None = None
     """End stops [output unit]: the load stands still there."""
     sensor: AnySensor | None = None
-    """What measures it; then the `output unit` is rad or m (for noise and resolution of a speed, per s)."""
+    """What measures it; then the `output unit` is rad or m (for the noise of a speed, per s)."""
+
+    supply_pressure: str | None = None
+    """Constant whose number is in proportion to the supply pressure: effects follow it."""
+    nominal_pressure: Positive | None = None
+    """Its number at which K_L, omega_n and zeta are what is written here."""
+    temperature: str | None = None
+    """Constant that tells the oil's temperature [K, or deg C]."""
+    nominal_temperature: Finite | None = None
+    """Its number at which K_L, omega_n and zeta are what is written here."""
 
     @property
     def index_channel(self) -> str | None:
@@ -54,6 +61,27 @@ class PlantConfig(BaseModel):
         if self.stops is not None and not self.stops[0] <= self.position <= self.stops[1]:
             raise ValueError(f"position {self.position:g} must lie between the stops {list(self.stops)}")
         return self
+
+    @model_validator(mode="after")
+    def _effects_go_together(self) -> PlantConfig:
+        if wrong := contradiction(self.effects):
+            raise ValueError(f"effects: {wrong}")
+        return self
+
+    @model_validator(mode="after")
+    def _conditions_have_nominal_values(self) -> PlantConfig:
+        for channel, nominal in (
+            ("supply_pressure", "nominal_pressure"),
+            ("temperature", "nominal_temperature"),
+        ):
+            if (getattr(self, channel) is None) != (getattr(self, nominal) is None):
+                raise ValueError(f"{channel} and {nominal} go together: give both or none")
+        return self
+
+    @property
+    def conditions(self) -> list[str]:
+        """Channels of the constants that it follows."""
+        return [channel for channel in (self.supply_pressure, self.temperature) if channel is not None]
 
     @property
     def measures_speed(self) -> bool:
@@ -92,4 +120,15 @@ class SimulationConfig(BaseModel):
                 raise ValueError(
                     f"channel {', '.join(twice)} is used twice: it can have one plant or constant"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _conditions_are_constants(self) -> SimulationConfig:
+        for name, plant in self.plants.items():
+            for channel in plant.conditions:
+                if channel not in self.constants:
+                    there = ", ".join(self.constants) or "none"
+                    raise ValueError(f"plants.{name} follows {channel!r}, no constant; there are {there}")
+            if plant.supply_pressure is not None and self.constants[plant.supply_pressure] <= 0.0:
+                raise ValueError(f"constants.{plant.supply_pressure}: a supply pressure must be > 0")
         return self

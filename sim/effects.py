@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 Place = Literal["valve", "flow", "oil", "load", "sensor", "plant", "record"]
 """Where an effect enters, in the order of the signal's way; `plant`: K_L, omega_n and zeta themselves."""
@@ -288,3 +291,11 @@ def parameter(place: str) -> tuple[Effect, Parameter]:
             return effect, each
     known = ", ".join(f"{name}.{each.name}" for each in effect.parameters)
     raise ValueError(f"{place}: {name} has no parameter {of!r}; it has {known}")
+
+
+def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
+    """What of these effects cannot be together; "" if all can."""
+    level = effects.get("coulomb_friction", {}).get("level", 0.0)
+    if effects.get("lugre_friction", {}).get("stiffness", 0.0) > 0.0 and not level > 0.0:
+        return "lugre_friction needs coulomb_friction.level > 0: its bristles give way at that force"
+    return ""

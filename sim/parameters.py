@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects import EFFECTS, INF, parameter
+from sim.effects import EFFECTS, INF, contradiction, parameter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import numpy.typing as npt
 
+    from sim.config import PlantConfig
     from sim.effects import Parameter
 
 BASE = {
@@ -78,6 +79,20 @@ def parameters(
     return record
 
 
+def plant_parameters(plant: PlantConfig) -> npt.NDArray[np.void]:
+    """The record for a plant of a rig file: array of shape (1,) of `PARAMETERS`."""
+    low, high = plant.stops or (-INF, INF)
+    return parameters(
+        plant.K_L,
+        plant.omega_n,
+        plant.zeta,
+        plant.effects,
+        stop_low=low,
+        stop_high=high,
+        measures_speed=float(plant.measures_speed),
+    )
+
+
 def nulls() -> dict[str, float]:
     """Null value of each effect's parameters by slot."""
     return {f"{e.name}_{each.name}": each.null for e in EFFECTS.values() for each in e.parameters}
@@ -101,6 +116,7 @@ def _chosen(effects: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
                 chosen[f"{name}_{of}"] = float(value)
         if not values and name not in EFFECTS:
             problems.append(f"{name}: no such effect; there are {', '.join(EFFECTS)}")
+    problems += filter(None, [contradiction(effects)])
     if problems:
         raise ValueError("; ".join(problems))
     return chosen

@@ -1,155 +1,19 @@
-"""A whole simulated rig: plants with their amplifiers and sensors, on one time line. Time is handed in.
+"""A whole simulated rig, addressed by channel. Time is handed in.
 
-Numbers are those of the channels: volts in, sensor readings in the sensor's own unit out.
+Importing this imports numba; what only reads rig files needs `sim.config` alone.
 """
 
 from __future__ import annotations
 
-import json
-import math
-from collections import deque
 from random import Random
 from typing import TYPE_CHECKING
 
-from sim.config import PlantConfig
-from sim.plant import LinearPlant, Sensor
-from sim.sensors import make_sensor
+from sim.actuator import Actuator
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sim.config import SimulationConfig
-
-NEUTRAL = 0.0
-"""What an amplifier puts out when it is told so, or is told nothing [V]."""
-
-HISTORY = 2000
-"""Commands that are remembered."""
-
-
-class Actuator:
-    """A plant behind its amplifier, seen by its sensor.
-
-    The amplifier holds each command until the next, clips it, and goes neutral at exactly `watchdog_s` after
-    the last one. Times that lie before the latest one known are taken as that one.
-
-    Attributes:
-        t: How far the plant has come [s].
-        voltage: What the amplifier puts out [V].
-        tripped: The watchdog is why it is neutral.
-        commands: How many commands came.
-        last_command: When the newest of them came [s]; None before the first.
-        trips: How often the watchdog tripped.
-        neutral_since: Since when the voltage has been neutral [s]; None while it is not.
-        commands_since_neutral: Commands after the one (or the trip) that made it neutral; 0 while it is not.
-        history: The last commands as (time [s], volts asked for).
-    """
-
-    def __init__(self, config: PlantConfig, watchdog_s: float, random: Random, t: float) -> None:
-        self.watchdog_s = watchdog_s
-        self.plant = LinearPlant(config.K_L, config.omega_n, config.zeta, position=config.position)
-        self.sensor = Sensor(config.noise, config.resolution, random)
-        self.kind = make_sensor(config.sensor, config.measures == "velocity")
-        self._adopt(config)
-        self.t = t
-        self.voltage = NEUTRAL
-        self.tripped = False
-        self.trips = 0
-        self.commands = 0
-        self.last_command: float | None = None
-        self.neutral_since: float | None = t
-        self.commands_since_neutral = 0
-        self.history: deque[tuple[float, float]] = deque(maxlen=HISTORY)
-        self._expiry = math.inf
-
-    def _adopt(self, config: PlantConfig) -> None:
-        self.config = config
-        self.plant.change(config.K_L, config.omega_n, config.zeta, config.bias)
-        self.plant.stops = config.stops or (-math.inf, math.inf)
-        self.sensor.noise = config.noise
-        self.sensor.resolution = config.resolution
-        self.limit = config.saturation or math.inf
-
-    def advance(self, t: float) -> None:
-        """Bring the plant to time `t` [s]."""
-        if t > self._expiry:
-            self._run_to(self._expiry)
-            self._trip()
-        self._run_to(t)
-
-    def _run_to(self, t: float) -> None:
-        if t > self.t:
-            self.plant.advance(t - self.t, self.voltage)
-            self.t = t
-
-    def _trip(self) -> None:
-        self._expiry = math.inf
-        self.tripped = True
-        self.trips += 1
-        self._put_out(NEUTRAL)
-
-    def command(self, t: float, volts: float) -> None:
-        """Take a command that came at `t` [s]; one that is not a number is taken as neutral."""
-        self.advance(t)
-        self._expiry = self.t + self.watchdog_s
-        self.tripped = False
-        self.commands += 1
-        self.last_command = self.t
-        self.history.append((self.t, volts))
-        self.commands_since_neutral += 1
-        self._put_out(max(-self.limit, min(self.limit, volts)) if math.isfinite(volts) else NEUTRAL)
-
-    def _put_out(self, volts: float) -> None:
-        self.voltage = volts
-        if volts != NEUTRAL:
-            self.neutral_since = None
-            self.commands_since_neutral = 0
-        elif self.neutral_since is None:
-            self.neutral_since = self.t
-            self.commands_since_neutral = 0
-
-    def measure(self, t: float) -> float:
-        """What the sensor says at `t` [s]."""
-        self.advance(t)
-        value = self.kind.sense(self.t, self.plant.position, self.plant.velocity)
-        return self.kind.number(self.sensor.read(value))
-
-    def mark(self, t: float) -> float:
-        """1 where the encoder's index mark passed since the last reading, at `t` [s]; else 0."""
-        self.advance(t)
-        return self.kind.mark(self.plant.position)
-
-    def change(self, t: float, values: Mapping[str, object]) -> None:
-        """Have other parameters from `t` [s] on; `position` moves the load there at once.
-
-        Raises:
-            ValueError: An unknown parameter or an impossible value; it is named.
-        """
-        fixed = {"input", "output", "sensor", "measures"} & set(values)
-        if fixed:
-            raise ValueError(f"{', '.join(sorted(fixed))} cannot change while the rig runs")
-        config = PlantConfig.model_validate_json(json.dumps({**self.config.model_dump(), **values}))
-        self.advance(t)
-        self._adopt(config)
-        if "position" in values:
-            self.plant.position = config.position
-
-    def state(self, t: float) -> dict[str, float | bool | None]:
-        """What is going on in there at `t` [s]."""
-        self.advance(t)
-        return {
-            "t": self.t,
-            "position": self.plant.position,
-            "velocity": self.plant.velocity,
-            "acceleration": self.plant.acceleration,
-            "voltage": self.voltage,
-            "watchdog_tripped": self.tripped,
-            "watchdog_trips": self.trips,
-            "commands": self.commands,
-            "last_command_age": None if self.last_command is None else self.t - self.last_command,
-            "neutral_since": self.neutral_since,
-            "commands_since_neutral": self.commands_since_neutral,
-        }
 
 
 class SimulatedRig:
@@ -166,8 +30,11 @@ class SimulatedRig:
             for name, plant in config.plants.items()
         }
         self.constants = dict(config.constants)
-        self._by_input = {a.config.input: a for a in self.actuators.values()}
+        for actuator in self.actuators.values():
+            actuator.follow(t, self.constants)
         actuators = self.actuators.values()
+        self._by_input = {a.config.input: a for a in actuators}
+        self._by_output = {a.config.output: a for a in actuators}
         self._readings = {a.config.output: a.measure for a in actuators}
         self._readings.update({a.config.index_channel: a.mark for a in actuators if a.config.index_channel})
 
@@ -188,6 +55,36 @@ class SimulatedRig:
         if channel in self.constants:
             return lambda _t: self.constants[channel]
         return self._readings[channel]
+
+    def sampler(self, channel: str) -> Callable[[float], tuple[float, float]]:
+        """The function of t that takes a sample of this channel with its time stamp; some never come.
+
+        Raises:
+            KeyError: As `sensor`.
+        """
+        if channel in self._by_output:
+            return self._by_output[channel].sample
+        read = self.sensor(channel)
+        return lambda t: (read(t), t)
+
+    def missing(self, channel: str) -> bool:
+        """Whether the next sample of this channel never comes; to be asked once for each."""
+        return channel in self._by_output and self._by_output[channel].readings.missing()
+
+    def set_constant(self, t: float, channel: str, value: float) -> None:
+        """Have a constant input at `value` from `t` [s] on; plants that follow it do.
+
+        Raises:
+            ValueError: There is no such constant, or it is a supply pressure and not above 0.
+        """
+        if channel not in self.constants:
+            raise ValueError(f"no constant {channel!r}; there are {', '.join(self.constants) or 'none'}")
+        followers = [a for a in self.actuators.values() if channel in a.config.conditions]
+        if value <= 0.0 and any(a.config.supply_pressure == channel for a in followers):
+            raise ValueError(f"{channel} is a supply pressure: it must be > 0, got {value:g}")
+        self.constants[channel] = value
+        for actuator in followers:
+            actuator.follow(t, self.constants)
 
     def sensor_channels(self) -> list[str]:
         """Channels that can be read: plants' outputs, index marks, then constants."""
@@ -212,10 +109,7 @@ class SimulatedRig:
 
     def truth(self) -> dict[str, dict[str, float]]:
         """K_L [unit/s/V], omega_n [rad/s] and zeta of each plant, as they are now."""
-        return {
-            name: {"K_L": a.plant.K_L, "omega_n": a.plant.omega_n, "zeta": a.plant.zeta}
-            for name, a in self.actuators.items()
-        }
+        return {name: actuator.truth() for name, actuator in self.actuators.items()}
 
     def state(self, t: float) -> dict[str, dict[str, float | bool | None]]:
         """`Actuator.state` of each plant at `t` [s]."""

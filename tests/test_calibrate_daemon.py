@@ -29,7 +29,7 @@ def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = (configs_dir() / "virtual.yaml").read_text().replace("port: 7600", f"port: {port}")
     text = text.replace("hang_timeout: 50 ms", "hang_timeout: 1 s").replace("count: 20,", "count: 150,")
     text = text.replace("bandwidth: 5 rad/s", "bandwidth: 20 rad/s").replace("stale: 10 ms", "stale: 80 ms")
-    text = text.replace("      zeta: 0.21", "      zeta: 0.21\n      bias: 0.02")
+    text = text.replace("      effects:", "      effects:\n        null_shift: {voltage: 0.02}")
     path = tmp_path / "rig.yaml"
     path.write_text(text)
     return path

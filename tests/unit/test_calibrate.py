@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from loop_bench import Bench
 
 from seod.calibrate.command import as_json, as_text, changes
 from seod.calibrate.delay import Response, fit_response, unit_step
@@ -22,7 +21,8 @@ from seod.config.load import load_rig
 from seod.gain import gain_of
 from seod.paths import configs_dir
 from seod.ring import FLAG_FRESH, AxisState
-from sim.plant import LinearPlant
+from tests.unit.linear_plant import LinearPlant
+from tests.unit.loop_bench import Bench
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,7 +70,7 @@ def chosen(rows: list[dict[str, float]], state: AxisState) -> list[dict[str, Any
     ][-REST_ROWS if state is AxisState.IDLE else 0 :]
 
 
-def calibrated(K_L: float = 17.0, **plant: float) -> tuple[Result, float]:
+def calibrated(K_L: float = 17.0, **plant: Any) -> tuple[Result, float]:
     """Result on a simulated rig, and how far from its start the actuator ends."""
     bench = Bench({"axes": {"motor": {"K_L": K_L}}, "simulation": {"plants": {"motor": plant}}})
     try:
@@ -85,14 +85,21 @@ def calibrated(K_L: float = 17.0, **plant: float) -> tuple[Result, float]:
 @pytest.mark.parametrize(
     ("file", "plant"),
     [
-        (17.0, {"noise": 1e-3, "bias": 0.02}),
-        (21.0, {"bias": -0.03, "zeta": 0.8, "omega_n": 60.0, "saturation": 1.0}),
-        (14.0, {"zeta": 1.6, "bias": 0.01}),
+        (17.0, {"noise": 1e-3, "effects": {"null_shift": {"voltage": 0.02}}}),
+        (
+            21.0,
+            {
+                "zeta": 0.8,
+                "omega_n": 60.0,
+                "effects": {"null_shift": {"voltage": -0.03}, "valve_saturation": {"limit": 1.0}},
+            },
+        ),
+        (14.0, {"zeta": 1.6, "effects": {"null_shift": {"voltage": 0.01}}}),
     ],
 )
-def test_finds_what_the_simulated_rig_is(file: float, plant: dict[str, float]) -> None:
+def test_finds_what_the_simulated_rig_is(file: float, plant: dict[str, Any]) -> None:
     result, off = calibrated(file, **plant)
-    static, null = result.static, plant.get("bias", 0.0)
+    static, null = result.static, plant["effects"]["null_shift"]["voltage"]
     assert static.K_L.value == pytest.approx(17.0, rel=0.01)
     assert static.null.value == pytest.approx(null, abs=1e-3)
     assert abs(static.K_L.value - 17.0) < 4.5 * static.K_L.sd

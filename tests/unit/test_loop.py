@@ -109,7 +109,9 @@ def test_no_pressure_is_told_from_wrong_polarity(bench: Callable[..., Bench]) ->
 
 
 def test_polarity_is_seen_through_a_drift(bench: Callable[..., Bench]) -> None:
-    rig = bench({"simulation": {"plants": {"motor": {"bias": 0.2}}}})  # drifts the other way at -3.4 rad/s
+    rig = bench(
+        {"simulation": {"plants": {"motor": {"effects": {"null_shift": {"voltage": 0.2}}}}}}
+    )  # drifts the other way at -3.4 rad/s
     rig.run(0.1)
     rig.call("start")
     rig.run(0.3)

@@ -15,8 +15,9 @@ from seod.estimate import make_estimator
 from seod.gateway.estimation import Axis
 from seod.loop.sensor import make_sensor
 from seod.ring import AXIS_FIELDS, FLAG_SATURATED, AxisState
+from sim.actuator import Actuator
 from sim.config import PlantConfig, SimulationConfig
-from sim.rig import Actuator, SimulatedRig
+from sim.rig import SimulatedRig
 from tests.unit.loop_bench import PERIOD, Bench
 
 if TYPE_CHECKING:

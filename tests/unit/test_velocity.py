@@ -51,6 +51,10 @@ def bench() -> Iterator[Callable[..., Bench]]:
         each.close()
 
 
+def null_shift(volts: float) -> dict[str, Any]:
+    return {"effects": {"null_shift": {"voltage": volts}}}
+
+
 def until(rig: Bench, state: AxisState, seconds: float = 20.0) -> None:
     for _ in range(round(seconds / 0.01)):
         if rig.state is state:
@@ -76,7 +80,7 @@ def test_zeta_and_omega_n_are_the_plants_at_any_speed(
 ) -> None:
     """With 2 % noise on the speed and a valve null that the rig file does not know."""
     amplitude = 1.28 * K_L * E_A / (2 * zeta)
-    plant = {"zeta": zeta, "omega_n": omega_n, "noise": 0.02 * amplitude, "bias": 0.1}
+    plant = {"zeta": zeta, "omega_n": omega_n, "noise": 0.02 * amplitude, **null_shift(0.1)}
     rig = bench({"reference": reference, "estimator": {"cycles": 8}}, plant)
     assert rig.call("start") is None
     until(rig, AxisState.EXCITING)
@@ -141,7 +145,7 @@ def duty(rows: list[dict[str, float]]) -> float:
 def test_the_trim_makes_the_halves_equal(bench: Callable[..., Bench]) -> None:
     halves = []
     for trim in (False, True):
-        rig = bench({"trim": trim}, {"bias": 0.3})
+        rig = bench({"trim": trim}, null_shift(0.3))
         rig.call("start")
         until(rig, AxisState.EXCITING)
         rig.run(4.0)
@@ -151,7 +155,7 @@ def test_the_trim_makes_the_halves_equal(bench: Callable[..., Bench]) -> None:
 
 
 def test_a_bias_error_of_e_a_stops_the_oscillation_and_is_said(bench: Callable[..., Bench]) -> None:
-    rig = bench({"trim": False}, {"bias": 0.6})
+    rig = bench({"trim": False}, null_shift(0.6))
     rig.call("start")
     until(rig, AxisState.EXCITING)
     rig.run(4.0)
@@ -168,7 +172,7 @@ def test_a_bias_error_of_e_a_stops_the_oscillation_and_is_said(bench: Callable[.
 
 
 def test_the_trim_finds_its_way_out_of_a_bias_error_beyond_e_a(bench: Callable[..., Bench]) -> None:
-    rig = bench({}, {"bias": 0.6})
+    rig = bench({}, null_shift(0.6))
     rig.call("start")
     until(rig, AxisState.EXCITING)
     rig.run(8.0)

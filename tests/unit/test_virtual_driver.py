@@ -11,7 +11,7 @@ import pytest
 from drivers.base import DriverError, DriverStateError
 from drivers.virtual import VirtualDriver, VirtualOptions
 from sim.config import PlantConfig, SimulationConfig
-from sim.plant import LinearPlant
+from tests.unit.linear_plant import LinearPlant
 
 
 class ManualClock:

@@ -1,0 +1,182 @@
+"""A simulated plant behind its amplifier, seen by its sensor, on a time line that is handed in.
+
+Numbers are those of the channels: volts in, sensor readings in the sensor's own unit out.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+from sim.config import PlantConfig
+from sim.parameters import plant_parameters
+from sim.plant import Plant
+from sim.readings import Readings
+from sim.sensors import make_sensor
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from random import Random
+
+NEUTRAL = 0.0
+"""What an amplifier puts out when it is told so, or is told nothing [V]."""
+
+HISTORY = 2000
+"""Commands that are remembered."""
+
+LEAST_SUPPLY = 0.01
+"""Least supply pressure over its nominal value that a plant follows: below, its equations have no sense."""
+
+FIXED = frozenset({"input", "output", "sensor", "measures", "supply_pressure", "temperature"})
+"""What cannot change while the rig runs."""
+
+
+class Actuator:
+    """A plant behind its amplifier, seen by its sensor.
+
+    The amplifier holds each command until the next, and goes neutral at exactly `watchdog_s` after
+    the last one. Times that lie before the latest one known are taken as that one.
+
+    Attributes:
+        t: How far the plant has come [s].
+        voltage: What the amplifier was told [V]; what the valve makes of it is the plant's affair.
+        tripped: The watchdog is why it is neutral.
+        commands: How many commands came.
+        last_command: When the newest of them came [s]; None before the first.
+        trips: How often the watchdog tripped.
+        neutral_since: Since when the voltage has been neutral [s]; None while it is not.
+        commands_since_neutral: Commands after the one (or the trip) that made it neutral; 0 while it is not.
+        history: The last commands as (time [s], volts asked for).
+    """
+
+    def __init__(self, config: PlantConfig, watchdog_s: float, random: Random, t: float) -> None:
+        self.watchdog_s = watchdog_s
+        self.config = config
+        self.plant = Plant(plant_parameters(config), t, config.position)
+        self.readings = Readings(random, config.noise, config.effects)
+        self.kind = make_sensor(config.sensor, config.measures == "velocity")
+        self.t = t
+        self.voltage = NEUTRAL
+        self.tripped = False
+        self.trips = 0
+        self.commands = 0
+        self.last_command: float | None = None
+        self.neutral_since: float | None = t
+        self.commands_since_neutral = 0
+        self.history: deque[tuple[float, float]] = deque(maxlen=HISTORY)
+        self._expiry = math.inf
+        self._sees_speed = config.measures_speed
+        self._sampled = (math.nan, -math.inf)
+
+    def advance(self, t: float) -> None:
+        """Bring amplifier and plant to time `t` [s]."""
+        self._come_to(t)
+        self.plant.advance(self.t)
+
+    def _come_to(self, t: float) -> None:
+        """Let time pass, the watchdog too; the plant follows when it is looked at."""
+        if t > self._expiry:
+            self.t = max(self.t, self._expiry)
+            self._trip()
+        if t > self.t:
+            self.t = t
+
+    def _trip(self) -> None:
+        self._expiry = math.inf
+        self.tripped = True
+        self.trips += 1
+        self._put_out(NEUTRAL)
+
+    def command(self, t: float, volts: float) -> None:
+        """Take a command that came at `t` [s]; one that is not a number is taken as neutral."""
+        self._come_to(t)
+        self._expiry = self.t + self.watchdog_s
+        self.tripped = False
+        self.commands += 1
+        self.last_command = self.t
+        self.history.append((self.t, volts))
+        self.commands_since_neutral += 1
+        self._put_out(volts if math.isfinite(volts) else NEUTRAL)
+
+    def _put_out(self, volts: float) -> None:
+        self.voltage = volts
+        self.plant.command(self.t, volts)
+        if volts != NEUTRAL:
+            self.neutral_since = None
+            self.commands_since_neutral = 0
+        elif self.neutral_since is None:
+            self.neutral_since = self.t
+            self.commands_since_neutral = 0
+
+    def measure(self, t: float) -> float:
+        """What the sensor says at `t` [s]."""
+        self._come_to(t)
+        seen = self.plant.measured(self.t)
+        if self._sees_speed:
+            value = self.kind.sense(self.t, self.plant.shaft, seen)
+        else:
+            value = self.kind.sense(self.t, seen, 0.0)
+        return self.kind.number(self.readings.read(value))
+
+    def sample(self, t: float) -> tuple[float, float]:
+        """The newest sample at `t` [s] and its time stamp [s]; the one before where this one never came."""
+        if not self.readings.missing():
+            taken, stamp = self.readings.taken(t)
+            self._sampled = self.measure(taken), stamp
+        return self._sampled
+
+    def mark(self, t: float) -> float:
+        """1 where the encoder's index mark passed since the last reading, at `t` [s]; else 0."""
+        self.advance(t)
+        return self.kind.mark(self.plant.shaft)
+
+    def change(self, t: float, values: Mapping[str, object]) -> None:
+        """Have other parameters from `t` [s] on; `position` moves the load there at once.
+
+        Raises:
+            ValueError: An unknown parameter or an impossible value; it is named.
+        """
+        if fixed := FIXED & set(values):
+            raise ValueError(f"{', '.join(sorted(fixed))} cannot change while the rig runs")
+        config = PlantConfig.model_validate_json(json.dumps({**self.config.model_dump(), **values}))
+        self.advance(t)
+        self.config = config
+        self.plant.change(self.t, plant_parameters(config))
+        self.readings.adopt(config.noise, config.effects)
+        if "position" in values:
+            self.plant.place(self.t, config.position)
+
+    def follow(self, t: float, constants: Mapping[str, float]) -> None:
+        """Have the supply pressure and the temperature that these channels tell, from `t` [s] on."""
+        config, supply, warmth = self.config, 1.0, 0.0
+        if config.supply_pressure is not None and config.nominal_pressure is not None:
+            supply = max(LEAST_SUPPLY, constants[config.supply_pressure] / config.nominal_pressure)
+        if config.temperature is not None and config.nominal_temperature is not None:
+            warmth = constants[config.temperature] - config.nominal_temperature
+        self.advance(t)
+        self.plant.condition(self.t, supply, warmth)
+
+    def truth(self) -> dict[str, float]:
+        """K_L [unit/s/V], omega_n [rad/s] and zeta as they are now."""
+        config = self.config
+        return {"K_L": config.K_L, "omega_n": config.omega_n, "zeta": config.zeta}
+
+    def state(self, t: float) -> dict[str, float | bool | None]:
+        """What is going on in there at `t` [s]."""
+        self.advance(t)
+        return {
+            "t": self.t,
+            "position": self.plant.position,
+            "velocity": self.plant.velocity,
+            "pressure": self.plant.pressure,
+            "voltage": self.voltage,
+            "spool": self.plant.spool,
+            "watchdog_tripped": self.tripped,
+            "watchdog_trips": self.trips,
+            "commands": self.commands,
+            "last_command_age": None if self.last_command is None else self.t - self.last_command,
+            "neutral_since": self.neutral_since,
+            "commands_since_neutral": self.commands_since_neutral,
+        }
