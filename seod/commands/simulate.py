@@ -1,0 +1,93 @@
+"""The command `seod simulate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from seod.commands.common import CommandError, ConfigPath, app, load, plain_errors, show
+
+
+@app.command()
+def simulate(
+    path: ConfigPath,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The recording: .csv or .csv.gz.")],
+    axis: Annotated[str | None, typer.Option(help="The axis, where there are several.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME.PARAMETER=VALUE", help="In the plant, as in docs/model.md; repeatable."),
+    ] = None,
+    excitation: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="relay, two-phase, sine, sweep (by octaves), linear-sweep, multisine, steps or file.",
+        ),
+    ] = "relay",
+    amplitude: Annotated[float | None, typer.Option(metavar="V", min=0.0, help="Default: e_a.")] = None,
+    bias: Annotated[
+        float | None,
+        typer.Option(metavar="V", help="Added to it. Default: relay.bias, and that of the reference speed."),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="Default: 10 s.")] = None,
+    frequency: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", min=1e-6, help="Of the sine, or of pairs of steps. Default: by the plant."
+        ),
+    ] = None,
+    band: Annotated[
+        str | None,
+        typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine [Hz]. Default: by the plant."),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(metavar="S", min=1e-3, help="Of the multisine. Default: the duration.")
+    ] = None,
+    lines: Annotated[
+        int | None, typer.Option(min=1, help="So many of the multisine, by octaves. Default: all.")
+    ] = None,
+    cycles: Annotated[int | None, typer.Option(min=1, help="Of each of the two phases. Default: 3.")] = None,
+    input_: Annotated[
+        Path | None,
+        typer.Option("--input", metavar="FILE", help="CSV with columns t, u, and if wanted ps, temperature."),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Standard deviation, as `noise` of the plant. Default: the rig file's."),
+    ] = None,
+    latency: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="From a sample to the command's leaving.")
+    ] = 0.0,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of noise, defects and signal. Default: the rig file's.")
+    ] = None,
+) -> None:
+    """Write a recording of the simulated rig, and show the truth that is in it."""
+    from seod.simulate.record import record  # noqa: PLC0415 - numerics, and a compiler
+    from seod.simulate.wishes import Wishes, excitation_named, read_band, read_effects  # noqa: PLC0415
+
+    with plain_errors():
+        config = load(path)
+        try:
+            wishes = Wishes(
+                excitation=excitation_named(excitation),
+                effects=read_effects(effect or []),
+                amplitude=amplitude,
+                bias=bias,
+                duration=duration,
+                frequency=frequency,
+                band=None if band is None else read_band(band),
+                period=period,
+                lines=lines,
+                cycles=cycles,
+                input=input_,
+                noise=noise,
+                latency=latency,
+                seed=seed,
+            )
+            show(json.dumps(record(config, axis, wishes, out)))
+        except (ValueError, OSError) as error:
+            raise CommandError(str(error)) from error

@@ -1,0 +1,1 @@
+"""`seod simulate`: a recording from the plant of a rig file, without a loop or a bus."""

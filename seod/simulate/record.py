@@ -1,0 +1,45 @@
+"""Simulates and writes the recording, with progress on a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from seod.simulate.csv_file import ENDINGS, write_csv
+from seod.simulate.procedure import Simulation
+from seod.simulate.progress import watched
+from seod.simulate.summary import summary
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from seod.config.model import RigConfig
+    from seod.simulate.wishes import Wishes
+
+
+def record(config: RigConfig, axis: str | None, wishes: Wishes, out: Path) -> dict[str, Any]:
+    """Write the recording of an axis, of the only one if none is named; returns its summary.
+
+    Raises:
+        ValueError: Something that is wished cannot be; the message says why.
+        OSError: A file cannot be read or written.
+    """
+    if config.simulation is None:
+        raise ValueError(f"rig {config.rig} has no `simulation:` section: there is nothing to simulate")
+    if not out.name.endswith(ENDINGS):
+        raise ValueError(f"--out {out}: the name must end in {' or '.join(ENDINGS)}")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: there is no directory {out.parent}")
+    simulation = Simulation(config, _chosen(config, axis), wishes)
+    columns = watched("simulating", simulation.run, simulation.fraction)
+    written = [0.0]
+    watched("writing", lambda: write_csv(out, columns, written.append), lambda: written[-1])
+    return summary(out, simulation, columns)
+
+
+def _chosen(config: RigConfig, axis: str | None) -> str:
+    there = ", ".join(config.axes)
+    if axis is None and len(config.axes) > 1:
+        raise ValueError(f"rig {config.rig} has the axes {there}: choose one by --axis")
+    if axis is not None and axis not in config.axes:
+        raise ValueError(f"no axis {axis!r}; there are {there}")
+    return axis or next(iter(config.axes))

@@ -1,0 +1,52 @@
+"""Defects of a recording: outliers, missing samples, samples taken at another time than they say.
+
+They act on the record, not on the plant. Names and parameters are those of `sim.effects`; `random` is a
+seeded generator.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+def outliers(n: int, rate: float, size: float, random: Generator) -> Array:
+    """Errors to be added to `n` samples: normal with standard deviation `size` in a part `rate`, else 0."""
+    errors = random.normal(0.0, size, n) if size > 0.0 else np.zeros(n)
+    return np.where(random.random(n) < rate, errors, 0.0)
+
+
+def missing_samples(n: int, rate: float, length: float, random: Generator) -> NDArray[np.bool_]:
+    """Which of `n` samples are missing: a part `rate`, in gaps of `length` samples in the mean.
+
+    Gaps and what lies between them have geometric lengths. Where gaps that short cannot make up that part
+    they are longer.
+    """
+    if rate in {0.0, 1.0}:
+        return np.full(n, rate == 1.0)
+    odds = rate / (1.0 - rate)
+    length = max(length, odds)
+    begin = odds / length
+    missing, k, gap = np.zeros(n, bool), 0, bool(random.random() < rate)
+    while k < n:
+        run = int(random.geometric(1.0 / length if gap else begin))
+        missing[k : k + run] = gap
+        k, gap = k + run, not gap
+    return missing
+
+
+def jittered(t: Array, deviation: float, random: Generator) -> Array:
+    """When the samples of the times `t` [s] were really taken: off by `deviation` [s], never out of order.
+
+    None is taken before the first time.
+    """
+    if deviation == 0.0:
+        return t
+    return np.sort(np.maximum(t + random.normal(0.0, deviation, len(t)), t[0]))
