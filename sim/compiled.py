@@ -27,7 +27,16 @@ SOURCES = ("compiled.py", "effects.py", "kernel.py", "parameters.py", "physics.p
 
 def compiled(function: F) -> F:
     """`function` as machine code, compiled at its first call; it releases the interpreter's lock."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    return _made(function)
+
+
+def inlined(function: F) -> F:
+    """`compiled`, and put into its callers' code: for what is called in every substep."""
+    return _made(function, forceinline=True)
+
+
+def _made(function: F, **more: bool) -> F:
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **more}
     folder = cache_folder()
     if folder is None:
         return cast("F", numba.njit(**options)(function))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from sim import physics
-from sim.compiled import Record, compiled
+from sim.compiled import Record, compiled, inlined
 
 SHARPNESS = 1e-13
 """Events are located to this part of a substep."""
@@ -47,7 +47,7 @@ def quantized(p: Record, value: float) -> float:
     return value if step == 0.0 else step * math.floor(value / step + 0.5)
 
 
-@compiled
+@inlined
 def advance(p: Record, s: Record, t: float) -> None:
     """Bring the state to time `t` [s], the command held.
 

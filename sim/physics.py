@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sim.compiled import Record, compiled
+from sim.compiled import Record, compiled, inlined
 
 LAMINAR = 1e-2
 """Relative pressure drop below which the orifice's flow is laminar: no infinite slope at zero."""
@@ -95,7 +95,7 @@ def dry_friction(p: Record) -> bool:
     return p.lugre_friction_stiffness == 0.0 and friction_level(p, 0.0) > 0.0
 
 
-@compiled
+@inlined
 def rates(
     p: Record, s: Record, z: tuple[float, ...], t: float, opened: float
 ) -> tuple[float, float, float, float, float, float, float]:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from sim.compiled import Record, compiled
+from sim.compiled import Record, compiled, inlined
 from sim.kernel import advance, command, measured, quantized
 
 Array = np.ndarray
@@ -49,7 +49,7 @@ def _read(p: Record, s: Record, noise: Array, k: int) -> float:
     return quantized(p, value + noise[k] if len(noise) else value)
 
 
-@compiled
+@inlined
 def _deliver(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float) -> int:
     """Have the commands that reach the valve by `t` act, each at its time; returns how many have by then."""
     while given < made and t_u[given] + p.transport_delay_time <= t:
