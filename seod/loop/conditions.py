@@ -19,16 +19,9 @@ SILENT_S = 1.0
 """A slow sensor that has not been heard of for this long is silent; pressures change slowly."""
 
 
-class SlowSensor:
-    """A sensor of the surroundings: `value` in SI, nan while it is silent or not sound."""
-
-    def __init__(self, sensor: Sensor) -> None:
-        self.sensor = sensor
-        self.value = math.nan
-
-    def sense(self, t: float, sample: Sample) -> None:
-        """Take the newest sample at time `t` [s]."""
-        self.value = self.sensor.read(sample.value) if t - sample.t <= SILENT_S else math.nan
+def value(sensor: Sensor, t: float, sample: Sample) -> float:
+    """The newest sample at time `t` [s], in SI; nan while the sensor is silent or not sound."""
+    return sensor.read(sample.value) if t - sample.t <= SILENT_S else math.nan
 
 
 class Conditions:
@@ -48,29 +41,21 @@ class Conditions:
         """The middle of the range until the pressure is known; the last one known while it is not."""
         self.pressure = self.thermometer = None
         if axis.supply_pressure is not None:
-            self.pressure = SlowSensor(make_sensor(rig.sensors[axis.supply_pressure]))
+            self.pressure = make_sensor(rig.sensors[axis.supply_pressure])
         if axis.temperature is not None:
-            self.thermometer = SlowSensor(make_sensor(rig.sensors[axis.temperature]))
+            self.thermometer = make_sensor(rig.sensors[axis.temperature])
         self.known = not self.needs_pressure
-
-    @property
-    def ps(self) -> float:
-        """Supply pressure [Pa]; nan where it is not known."""
-        return math.nan if self.pressure is None else self.pressure.value
-
-    @property
-    def temperature(self) -> float:
-        """Temperature [K]; nan where it is not known."""
-        return math.nan if self.thermometer is None else self.thermometer.value
+        self.ps = self.temperature = math.nan
+        """Supply pressure [Pa] and temperature [K]; nan where they are not known."""
 
     def sense(self, t: float, pressure: Sample | None, temperature: Sample | None) -> None:
         """Take the newest samples of the sensors that there are; the gain follows."""
         if self.thermometer is not None and temperature is not None:
-            self.thermometer.sense(t, temperature)
+            self.temperature = value(self.thermometer, t, temperature)
         if self.pressure is not None and pressure is not None:
-            self.pressure.sense(t, pressure)
+            self.ps = value(self.pressure, t, pressure)
             if self.needs_pressure:
-                self._follow(self.gain(self.pressure.value))
+                self._follow(self.gain(self.ps))
 
     def set(self, K_L: float) -> None:
         """From now on the gain is this number [axis unit/s/V]."""

@@ -12,6 +12,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from seod.loop.motion import SpeedMeter, SwingMeter
+
 if TYPE_CHECKING:
     from drivers.base import Sample
     from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
@@ -25,74 +27,6 @@ class Trip:
     code: str
     why: str
     numbers: dict[str, float] = field(default_factory=dict)
-
-
-class SpeedMeter:
-    """Mean speed over a window, so that quantisation and noise do not look like speed."""
-
-    def __init__(self, window: float) -> None:
-        self.window = window
-        self.points: deque[tuple[float, float]] = deque()
-
-    def update(self, t: float, y: float) -> float:
-        """Speed [axis unit/s] over the last window; 0 until a window is full."""
-        points = self.points
-        points.append((t, y))
-        while len(points) > 2 and t - points[1][0] >= self.window:
-            points.popleft()
-        t0, y0 = points[0]
-        return (y - y0) / (t - t0) if t - t0 >= self.window else 0.0
-
-
-class SwingMeter:
-    """Half the peak-to-peak movement, in blocks: tells the amplitude now and how fast it grows.
-
-    A block lasts `BLOCK_S`, and longer where that is less than a whole oscillation.
-    """
-
-    BLOCK_S = 0.25
-    KEPT = 4
-    TURNS = 3
-    """Passages between the outer quarters that a block must hold: then it holds a whole oscillation."""
-
-    def __init__(self, t: float) -> None:
-        self.block_end = t + self.BLOCK_S
-        self.blocks: deque[tuple[float, float]] = deque(maxlen=self.KEPT)
-        self.low = self.kept_low = math.inf
-        self.high = self.kept_high = -math.inf
-        self.upper = False
-        self.turns = 0
-
-    def update(self, t: float, y: float) -> float:
-        """Take one sample; half the peak-to-peak movement over about the last second [axis unit]."""
-        if t >= self.block_end and self.turns >= self.TURNS:
-            self._end_block(t)
-        if y < self.low:
-            self.low = y
-        if y > self.high:  # both may hold: the first sample of a block
-            self.high = y
-        quarter = 0.25 * (self.high - self.low)
-        if y < self.low + quarter if self.upper else y > self.high - quarter:
-            self.upper = not self.upper
-            self.turns += 1
-        low = self.low if self.low < self.kept_low else self.kept_low
-        high = self.high if self.high > self.kept_high else self.kept_high
-        return 0.5 * (high - low)
-
-    def growth(self) -> float:
-        """Swing of the newest whole block over that of the oldest kept one; 1 until there are enough."""
-        if len(self.blocks) < self.KEPT:
-            return 1.0
-        first, last = self.blocks[0], self.blocks[-1]
-        return (last[1] - last[0]) / max(first[1] - first[0], 1e-300)
-
-    def _end_block(self, t: float) -> None:
-        self.blocks.append((self.low, self.high))
-        self.kept_low = min(block[0] for block in self.blocks)
-        self.kept_high = max(block[1] for block in self.blocks)
-        self.low, self.high = math.inf, -math.inf
-        self.turns = 0
-        self.block_end = t + self.BLOCK_S
 
 
 class AxisGuard:
@@ -125,6 +59,10 @@ class AxisGuard:
 
     def ready(self, t: float, sample: Sample, y: float) -> Trip | None:
         """Why this axis could not be moved now: silent, unsound or non-finite sensor, outside its travel."""
+        low, high = self.limits.travel
+        sound = self.sensor is None or not self.sensor.trouble
+        if sound and low <= y <= high and t - sample.t <= self.guard.stale:
+            return None  # at nearly every tick; which of them it is takes longer to tell
         return self._stale(t, sample) or self._unsound() or self._finite(y) or self._travel(y)
 
     def begin(self) -> None:
@@ -189,7 +127,7 @@ class AxisGuard:
 
     def _travel(self, y: float) -> Trip | None:
         low, high = self.limits.travel
-        if low <= y <= high:
+        if sound and low <= y <= high:
             return None
         return Trip(
             "travel",
@@ -223,7 +161,7 @@ class AxisGuard:
                 f"{self.name}: amplitude {swing:.4g} is over limits.amplitude {self.limits.amplitude:.4g}",
                 {"amplitude": swing, "limit": self.limits.amplitude},
             )
-        growth = self.swing.growth() if growth_counts else 1.0
+        growth = self.swing.growth if growth_counts else 1.0
         if growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",

@@ -133,8 +133,9 @@ class Loop:
         """What concerns all axes."""
         trip, self.pending = self.pending, None
         late = self.overruns.inspect(t, self.pacer.lateness, self.period)
-        self.note_trouble(t)
-        if trip is not None or not any(axis.course.active for axis in self.axes):
+        if self.driver.trouble != self.trouble:
+            self.note_trouble(t)
+        if trip is not None or not [axis for axis in self.axes if axis.course.active]:
             return trip
         return (
             guard.hung(self.pacer.lateness, self.config.loop.hang_timeout)
@@ -154,16 +155,14 @@ class Loop:
         """Send what the guard passes, or neutral; returns the command in force: when it left [s], volts."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
-        if any(axis.course.active for axis in self.axes):
-            volts, raw = [], []
-            for axis, u in zip(self.axes, asked, strict=True):
-                volt = axis.guard.pass_command(t, u) if axis.course.active else 0.0
-                volts.append(volt)
-                raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
-            left = self.driver.write(t, raw)
-        else:
-            volts = [0.0] * len(self.axes)
-            left = self.driver.neutral(t)
+        volts, raw, moving = [], [], False
+        for axis, u in zip(self.axes, asked, strict=True):
+            volt = 0.0
+            if axis.course.active:
+                moving, volt = True, axis.guard.pass_command(t, u)
+            volts.append(volt)
+            raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
+        left = self.driver.write(t, raw) if moving else self.driver.neutral(t)
         self.shared.words[Word.COMMANDS_SENT] = self.driver.commands_sent
         if not math.isnan(left):  # else nothing left, and the command before is still in force
             self.in_force = left, volts
@@ -250,11 +249,8 @@ class Loop:
 
     def note_trouble(self, t: float) -> None:
         """Tell when the rig goes out of reach and when it returns."""
-        trouble = self.driver.trouble
-        if trouble == self.trouble:
-            return
-        self.trouble = trouble
-        why = trouble or "the rig can be reached again"
+        self.trouble = self.driver.trouble
+        why = self.trouble or "the rig can be reached again"
         self.shared.events.put(events.warning(t, None, "link", why))
 
     def finish(self) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from drivers.base import NO_SAMPLE, Sample
 from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
 from seod.loop import guard
+from seod.loop.motion import SpeedMeter
 
 LIMITS = {"output": 1.0, "travel": (-1.0, 1.0), "speed": 10.0, "amplitude": 0.2, "excitation": 10.0}
 
@@ -132,7 +133,7 @@ def test_hang_estop_and_dead_man() -> None:
 
 @pytest.mark.parametrize("window", [5e-3, 2e-2])
 def test_speed_is_that_of_the_window(window: float) -> None:
-    meter = guard.SpeedMeter(window)
+    meter = SpeedMeter(window)
     speeds = [meter.update(k * 1e-3, 3.0 * k * 1e-3) for k in range(50)]
     assert speeds[0] == 0.0
     assert speeds[-1] == pytest.approx(3.0)
