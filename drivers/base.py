@@ -148,6 +148,9 @@ class Driver(ABC):
         """
         return {"kind": "none", "why": f"{type(self).__name__} is reachable only from the loop process"}
 
-    def truth(self) -> Mapping[str, Mapping[str, float]]:
-        """True K_L, omega_n [rad/s] and zeta per plant, for simulated rigs; empty for real ones."""
+    def truth(self) -> Mapping[str, Mapping[str, float | None]]:
+        """True K_L, omega_n [rad/s] and zeta per plant, for simulated rigs; empty for real ones.
+
+        None where a plant has no such value.
+        """
         return {}

@@ -144,9 +144,8 @@ class VirtualDriver(Driver):
         self.rig = None
         self._next_sample = math.inf
 
-    def truth(self) -> Mapping[str, Mapping[str, float]]:
-        """True K_L [channel unit/s/V], omega_n [rad/s] and zeta by plant name."""
-        return {
-            name: {"K_L": plant.K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
-            for name, plant in self.simulation.plants.items()
-        }
+    def truth(self) -> Mapping[str, Mapping[str, float | None]]:
+        """True K_L [channel unit/s/V], omega_n [rad/s] and zeta by plant name, as the rig begins."""
+        from sim.truth import rig_truth  # noqa: PLC0415 - numerics
+
+        return rig_truth(self.simulation)

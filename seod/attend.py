@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 from seod.client import Client, EndedError, RequestError, UnreachableError
-from seod.launch import spawn
+from seod.launch import prepare, spawn
 from seod.protocol import NO_ANSWER
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def attend(
     if config.server.port == 0:
         raise AttendError("server.port is 0, any free one: --start and --watch need a fixed port")
     signal.signal(signal.SIGTERM, _interrupt)
+    prepare(config)
     daemon = spawn(path, duration, record)
     try:
         _accompany(config, path, daemon, start, watch)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from seod.config.load import load_rig
 from seod.process import write_memfd
 from seod.supervisor import SupervisorArguments, become
+from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
     from seod.config.model import RigConfig
@@ -31,10 +32,11 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
 
     Raises:
         ConfigErrors: The rig file is wrong.
-        LaunchError: The rig is run already.
+        LaunchError: The rig is run already, or its simulation cannot be compiled.
     """
     config = load_rig(config_path)
     lock(config.rig)
+    prepare(config)
     config_fd = write_memfd("seod-config", config.model_dump_json().encode())
     realtime = config.driver.get("realtime") is not False
     become(
@@ -51,6 +53,21 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
             parent=parent,
         )
     )
+
+
+def prepare(config: RigConfig) -> None:
+    """Have the machine code of a simulated plant before a loop needs it: then it only has to be loaded."""
+    if config.driver["kind"] != "virtual" or is_plant_compiled():
+        return
+    if cache_folder() is None:
+        told = "compiling the plant at each start: no folder to keep it in, set NUMBA_CACHE_DIR to one"
+        print(told, flush=True)  # noqa: T201 - for whoever waits
+        return  # the loop does it, before it says that it is ready
+    print("compiling the plant (once)", flush=True)  # noqa: T201 - likewise
+    try:
+        compile_plant()
+    except subprocess.CalledProcessError as error:
+        raise LaunchError("the simulated plant cannot be compiled, see above") from error
 
 
 def ring_rows(config: RigConfig) -> int:

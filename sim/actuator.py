@@ -15,6 +15,7 @@ from sim.parameters import plant_parameters
 from sim.plant import Plant
 from sim.readings import Readings
 from sim.sensors import make_sensor
+from sim.truth import conditions, plant_truth
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,9 +26,6 @@ NEUTRAL = 0.0
 
 HISTORY = 2000
 """Commands that are remembered."""
-
-LEAST_SUPPLY = 0.01
-"""Least supply pressure over its nominal value that a plant follows: below, its equations have no sense."""
 
 FIXED = frozenset({"input", "output", "sensor", "measures", "supply_pressure", "temperature"})
 """What cannot change while the rig runs."""
@@ -69,6 +67,7 @@ class Actuator:
         self._expiry = math.inf
         self._sees_speed = config.measures_speed
         self._sampled = (math.nan, -math.inf)
+        self._constants: Mapping[str, float] = {}
 
     def advance(self, t: float) -> None:
         """Bring amplifier and plant to time `t` [s]."""
@@ -150,18 +149,13 @@ class Actuator:
 
     def follow(self, t: float, constants: Mapping[str, float]) -> None:
         """Have the supply pressure and the temperature that these channels tell, from `t` [s] on."""
-        config, supply, warmth = self.config, 1.0, 0.0
-        if config.supply_pressure is not None and config.nominal_pressure is not None:
-            supply = max(LEAST_SUPPLY, constants[config.supply_pressure] / config.nominal_pressure)
-        if config.temperature is not None and config.nominal_temperature is not None:
-            warmth = constants[config.temperature] - config.nominal_temperature
+        self._constants = constants
         self.advance(t)
-        self.plant.condition(self.t, supply, warmth)
+        self.plant.condition(self.t, *conditions(self.config, constants))
 
-    def truth(self) -> dict[str, float]:
-        """K_L [unit/s/V], omega_n [rad/s] and zeta as they are now."""
-        config = self.config
-        return {"K_L": config.K_L, "omega_n": config.omega_n, "zeta": config.zeta}
+    def truth(self) -> dict[str, float | None]:
+        """K_L [unit/s/V], omega_n [rad/s] and zeta as they are now; None where there is no such value."""
+        return plant_truth(self.config, self._constants, self.plant.since)
 
     def state(self, t: float) -> dict[str, float | bool | None]:
         """What is going on in there at `t` [s]."""

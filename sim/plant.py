@@ -18,9 +18,9 @@ from sim.state import STATE, new_state
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-_T, _TARGET, _SPOOL, _PRESSURE, _VELOCITY, _POSITION, _FOLLOWED = (
+_T, _ORIGIN, _TARGET, _SPOOL, _PRESSURE, _VELOCITY, _POSITION, _FOLLOWED = (
     (STATE.names or ()).index(name)
-    for name in ("t", "target", "spool", "pressure", "velocity", "position", "followed")
+    for name in ("t", "origin", "target", "spool", "pressure", "velocity", "position", "followed")
 )
 
 
@@ -115,6 +115,11 @@ class Plant:
     def t(self) -> float:
         """How far it has come [s]."""
         return self._values[_T]
+
+    @property
+    def since(self) -> float:
+        """How long it drifts already [s]."""
+        return self._values[_T] - self._values[_ORIGIN]
 
     @property
     def spool(self) -> float:

@@ -107,8 +107,8 @@ class SimulatedRig:
         """How often the amplifiers' watchdogs tripped."""
         return sum([actuator.trips for actuator in self.actuators.values()])
 
-    def truth(self) -> dict[str, dict[str, float]]:
-        """K_L [unit/s/V], omega_n [rad/s] and zeta of each plant, as they are now."""
+    def truth(self) -> dict[str, dict[str, float | None]]:
+        """`Actuator.truth` of each plant, as they are now."""
         return {name: actuator.truth() for name, actuator in self.actuators.items()}
 
     def state(self, t: float) -> dict[str, dict[str, float | bool | None]]:

@@ -153,7 +153,9 @@ def _simulated(config: RigConfig) -> Iterator[str]:
         yield f"guard.rig_watchdog is {believed:g} s, simulation.watchdog_s is {simulation.watchdog_s:g} s"
     for name, plant in truth(config).items():
         (low, high), gain = gain_range(config.axes[name].K_L), plant["K_L"]
-        if gain < 0:
+        if gain is None:
+            yield f"axes.{name}: the simulated plant has no K_L: its supply cannot move its load"
+        elif gain < 0:
             yield f"axes.{name} is wired the wrong way round to its simulated plant (scales below 0)"
         elif not 0.99 * low <= gain <= 1.01 * high:
             K_L = f"{low:g}" if low == high else f"{low:g} to {high:g}"

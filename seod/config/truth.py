@@ -6,14 +6,18 @@ from typing import TYPE_CHECKING
 
 from seod.config.sensors import FvConverterConfig, ScaledConfig
 from seod.config.units import UNITS
+from sim.truth import plant_truth
 
 if TYPE_CHECKING:
     from seod.config.model import RigConfig
     from seod.config.sensors import SensorConfig
 
 
-def truth(config: RigConfig) -> dict[str, dict[str, float]]:
-    """True K_L [axis unit/s/V], omega_n [rad/s] and zeta of each axis; empty for a real rig."""
+def truth(config: RigConfig) -> dict[str, dict[str, float | None]]:
+    """True K_L [axis unit/s/V], omega_n [rad/s] and zeta of each axis; empty for a real rig.
+
+    They are those of small movements as the rig begins (`sim.linear`); None where there is no such value.
+    """
     if config.simulation is None:
         return {}
     plants = {plant.input: plant for plant in config.simulation.plants.values()}
@@ -24,8 +28,9 @@ def truth(config: RigConfig) -> dict[str, dict[str, float]]:
         if plant is None:
             continue
         per_volt = output.scale / UNITS[output.unit][1]
-        K_L = plant.K_L * per_volt * _si_per_plant_unit(sensor, plant.sensor is not None)
-        answer[name] = {"K_L": K_L, "omega_n": plant.omega_n, "zeta": plant.zeta}
+        unit = per_volt * _si_per_plant_unit(sensor, plant.sensor is not None)
+        true = plant_truth(plant, config.simulation.constants)
+        answer[name] = {**true, "K_L": None if true["K_L"] is None else true["K_L"] * unit}
     return answer
 
 
