@@ -127,7 +127,7 @@ class AxisGuard:
 
     def _travel(self, y: float) -> Trip | None:
         low, high = self.limits.travel
-        if sound and low <= y <= high:
+        if low <= y <= high:
             return None
         return Trip(
             "travel",
