@@ -27,7 +27,7 @@ def present(p: Mapping[str, float]) -> list[int]:
     second, bristles = p["load_resonance_inertia"] > 0.0, p["lugre_friction_stiffness"] > 0.0
     lags = p["valve_lag_time"] > 0.0, p["sensor_lag_time"] > 0.0
     there = (lags[0], True, True, True, second, second, bristles, lags[1])
-    return [k for k, present in enumerate(there) if present]
+    return [k for k, is_there in enumerate(there) if is_there]
 
 
 def dynamics(c: Conditions, steady: Steady) -> Matrix:
@@ -104,12 +104,12 @@ def sensor(p: Mapping[str, float], steady: Steady, position: float) -> Matrix:
 def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matrix]:
     """Complete A by the lags of spool and sensor; returns B and C."""
     B = np.zeros(len(STATES))
-    valve, sensor = p["valve_lag_time"], p["sensor_lag_time"]
-    if valve > 0.0:
-        A[SPOOL, SPOOL], B[SPOOL] = -1.0 / valve, 1.0 / valve
+    before, behind = p["valve_lag_time"], p["sensor_lag_time"]
+    if before > 0.0:
+        A[SPOOL, SPOOL], B[SPOOL] = -1.0 / before, 1.0 / before
     else:
         B[PRESSURE] = A[PRESSURE, SPOOL]
-    if sensor > 0.0:
-        A[READING], A[READING, READING] = C / sensor, -1.0 / sensor
+    if behind > 0.0:
+        A[READING], A[READING, READING] = C / behind, -1.0 / behind
         C = np.eye(len(STATES))[READING]
     return B, C

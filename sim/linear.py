@@ -153,16 +153,15 @@ def _pair(core: Matrix) -> tuple[float, float, float]:
         core: The matrix of pressure, velocity and the states that hang on them, lags left out.
     """
     if not core[:2, 2:].any():  # none of the others acts back
-        return core[0, 0] * core[1, 1] - core[0, 1] * core[1, 0], -core[0, 0] - core[1, 1], 1.0
+        square = core[0, 0] * core[1, 1] - core[0, 1] * core[1, 0]
+        return float(square), -float(core[0, 0] + core[1, 1]), 1.0
     poles = np.linalg.eigvals(core).astype(complex)
-    zeros = np.linalg.eigvals(core[2:, 2:]).astype(
-        complex
-    )  # how the others move while the velocity is held at 0
+    zeros = np.linalg.eigvals(core[2:, 2:]).astype(complex)  # how the others move with the velocity held
     chosen = _heaviest(poles, zeros)
-    square, others = np.prod(poles[chosen]).real, np.delete(poles, chosen)
+    square, others = float(np.prod(poles[chosen]).real), np.delete(poles, chosen)
     least = math.sqrt(abs(square))
-    faster = np.prod(np.maximum(abs(zeros), least)) / np.prod(np.maximum(abs(others), least))
-    return square, -np.sum(poles[chosen]).real, faster
+    ratio = np.prod(np.maximum(abs(zeros), least)) / np.prod(np.maximum(abs(others), least))
+    return square, -float(np.sum(poles[chosen]).real), float(ratio)
 
 
 def _heaviest(poles: Complex, zeros: Complex) -> list[int]:
@@ -172,4 +171,4 @@ def _heaviest(poles: Complex, zeros: Complex) -> list[int]:
     order = [int(k) for k in np.argsort(-weights)]
     pairs = [[k, int(np.argmin(abs(poles - poles[k].conj())))] for k in order if poles[k].imag > 0.0]
     real = [k for k in order if poles[k].imag == 0.0][:2]
-    return max([*pairs, *([real] if len(real) == 2 else [])], key=lambda pair: weights[pair].sum())
+    return max([*pairs, *([real] if len(real) == 2 else [])], key=lambda pair: weights[pair].min())

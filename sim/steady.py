@@ -95,7 +95,7 @@ class Steady:
         speed: [unit/s]
         direction: -1, 1: where the load moves, however slowly; 0: it rests.
         held: Friction or an end stop holds the load.
-        blocked: What keeps small changes of the command from the measurement, by the effects' names.
+        blocked: Effects that keep small changes of the command from the measurement; `stops`: an end stop.
     """
 
     volts: float
