@@ -47,7 +47,7 @@ def virtual_rig(axes: int = 1, rate_hz: float = 2000.0) -> RigConfig:
             "omega_n": 117.0,
             "zeta": 0.21,
             "noise": 1e-3,
-            "resolution": 1e-6,
+            "effects": {"sensor_quantization": {"step": 1e-6}},
         }
         for name in names
     }

@@ -6,6 +6,7 @@ It decodes what the daemon encodes and the other way round, by the same options 
 from __future__ import annotations
 
 import math
+import sys
 import time
 from random import Random
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from drivers.can_counters import COUNTER_NAMES
 from drivers.can_link import CanLink, filters_for
 from drivers.clock import StampClock
 from sim.back_door import BackDoor
+from sim.cache import is_plant_compiled
 from sim.can_messages import check_channels, identifiers, sensor_messages
 from sim.control import ControlServer
 from sim.faults import FaultLine
@@ -228,6 +230,8 @@ def run(
             "driver.interface: virtual exists only within one process, so a rig in another cannot be reached "
             "through it; use interface: socketcan with a vcan channel, or driver.kind: virtual"
         )
+    if not is_plant_compiled():
+        print("compiling the plant (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
     rig = CanRig(options, simulation)
     door = BackDoor(rig.rig, rig.faults, [m.name for m in rig.messages], rig.state, time.monotonic)
     with RigProcess(duration) as process:
