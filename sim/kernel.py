@@ -95,8 +95,11 @@ def _substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, 
     opening = abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target))
     if p.square_root_flow_supply < math.inf and opening > 0.0:
         drop = 1.0 - abs(s.pressure) / (p.square_root_flow_supply * max(s.supply, physics.VACUUM))
-        rate = p.omega_n * p.omega_n * p.K_L * opening / p.square_root_flow_supply
-        longest = min(longest, 0.5 * math.sqrt(physics.LAMINAR + abs(drop)) / rate)
+        soft, speed = physics.LAMINAR + abs(drop), p.K_L * opening
+        rate = max(
+            speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft
+        )  # the slope's; the pressure's own
+        longest = min(longest, 0.5 * p.square_root_flow_supply / (p.omega_n * p.omega_n * rate))
     if p.lugre_friction_stiffness > 0.0:
         level = p.coulomb_friction_level + 1e-300
         rate = p.lugre_friction_stiffness * abs(s.velocity) / level
@@ -176,10 +179,8 @@ def _event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
         return max(most, _breaks_away(p, s, z, s.t + h))
     if physics.dry_friction(p) or p.backlash_gap > 0.0 or p.lugre_friction_stiffness > 0.0:
         most = max(most, -s.motion * z[1])
-    if p.backlash_gap > 0.0 and p.sensor_lag_time > 0.0:
-        flank = s.motion * (z[2] - s.followed) - 0.5 * p.backlash_gap
-        if s.motion * (s.position - s.followed) < 0.5 * p.backlash_gap * (1.0 - 1e-9):
-            most = max(most, flank)
+    if p.backlash_gap > 0.0 and p.sensor_lag_time > 0.0 and not physics.in_contact(p, s):
+        most = max(most, s.motion * (z[2] - s.followed) - 0.5 * p.backlash_gap)
     return max(most, z[2] - p.stop_high, p.stop_low - z[2])
 
 

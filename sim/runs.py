@@ -105,11 +105,11 @@ def sampled_relay(
         if wanted != sign:
             sign, due = wanted, t[k] + late
             if sign > 0.0:
-                if late == 0.0 and not math.isnan(crossed):
-                    period = t[k] - crossed
+                if not math.isnan(crossed):
+                    count += 1
+                    period = t[k] - crossed if late == 0.0 else period
                 crossed = t[k]
-                count += 1
-                if r.cycles > 0.0 and count > r.cycles:
+                if 0.0 < r.cycles <= count:
                     count, late = 0, 0.0 if late > 0.0 else r.shift * period
         if t[k] >= due:
             shown = sign
