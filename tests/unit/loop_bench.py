@@ -88,7 +88,7 @@ class Bench:
         raise SystemExit(3)
 
     def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / PERIOD)):
+        for _ in range(round(seconds / self.pacer.period)):
             t = self.pacer.next()
             self.loop.tick(t)
             self.loop.meter.note(t, self.pacer, self.loop.samples)
@@ -97,7 +97,7 @@ class Bench:
     def call(self, op: str, axis: int | None = None, **values: float) -> str | None:
         self.ids += 1
         self.shared.commands.put({"id": self.ids, "op": op, "axis": axis, "values": values})
-        self.run(PERIOD)
+        self.run(self.pacer.period)
         reply = next(e for e in self.take("reply") if e["id"] == self.ids)
         error: str | None = reply["error"]
         return error

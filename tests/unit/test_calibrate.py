@@ -22,12 +22,15 @@ from seod.gain import gain_of
 from seod.paths import configs_dir
 from seod.ring import FLAG_FRESH, AxisState
 from tests.unit.linear_plant import LinearPlant
-from tests.unit.loop_bench import Bench
+from tests.unit.loop_bench import Bench, merge
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-REST_ROWS = 400
+REST_S = 0.15
+"""How long an axis is left alone before each drive."""
+REST_ROWS = 150
+"""Rows of that which are used."""
 
 
 class BenchRig:
@@ -35,7 +38,7 @@ class BenchRig:
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
-        bench.run(0.2)
+        bench.run(REST_S)
         self.rest = samples(bench, AxisState.IDLE)
 
     def drive(self, volts: float, duration: float, stay: bool = False) -> Recording:
@@ -45,7 +48,7 @@ class BenchRig:
             self.bench.run(0.02)
             if self.bench.state is AxisState.FAULT:
                 raise CalibrationError(self.bench.take("fault")[-1]["why"])
-        self.bench.run(0.25)
+        self.bench.run(REST_S)
         rows = self.bench.rows()
         rest, self.rest = self.rest, chosen(rows, AxisState.IDLE)
         return recording(rest, chosen(rows, AxisState.EXCITING))
@@ -70,9 +73,10 @@ def chosen(rows: list[dict[str, float]], state: AxisState) -> list[dict[str, Any
     ][-REST_ROWS if state is AxisState.IDLE else 0 :]
 
 
-def calibrated(K_L: float = 17.0, **plant: Any) -> tuple[Result, float]:
+def calibrated(K_L: float, rate_hz: float, **plant: Any) -> tuple[Result, float]:
     """Result on a simulated rig, and how far from its start the actuator ends."""
-    bench = Bench({"axes": {"motor": {"K_L": K_L}}, "simulation": {"plants": {"motor": plant}}})
+    changes = {"axes": {"motor": {"K_L": K_L}}, "simulation": {"plants": {"motor": plant}}}
+    bench = Bench(merge({"loop": {"rate_hz": rate_hz}}, changes))
     try:
         rig = BenchRig(bench)
         start = rig.position()
@@ -83,22 +87,23 @@ def calibrated(K_L: float = 17.0, **plant: Any) -> tuple[Result, float]:
 
 
 @pytest.mark.parametrize(
-    ("file", "plant"),
+    ("file", "rate_hz", "plant"),
     [
-        (17.0, {"noise": 1e-3, "effects": {"null_shift": {"voltage": 0.02}}}),
+        (17.0, 1000.0, {"noise": 1e-3, "effects": {"null_shift": {"voltage": 0.02}}}),
         (
             21.0,
+            1000.0,
             {
                 "zeta": 0.8,
                 "omega_n": 60.0,
                 "effects": {"null_shift": {"voltage": -0.03}, "valve_saturation": {"limit": 1.0}},
             },
         ),
-        (14.0, {"zeta": 1.6, "effects": {"null_shift": {"voltage": 0.01}}}),
+        (14.0, 2000.0, {"zeta": 1.6, "effects": {"null_shift": {"voltage": 0.01}}}),
     ],
 )
-def test_finds_what_the_simulated_rig_is(file: float, plant: dict[str, Any]) -> None:
-    result, off = calibrated(file, **plant)
+def test_finds_what_the_simulated_rig_is(file: float, rate_hz: float, plant: dict[str, Any]) -> None:
+    result, off = calibrated(file, rate_hz, **plant)
     static, null = result.static, plant["effects"]["null_shift"]["voltage"]
     assert static.K_L.value == pytest.approx(17.0, rel=0.01)
     assert static.null.value == pytest.approx(null, abs=1e-3)
