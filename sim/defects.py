@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+RAREST = 1e-15
+"""Smallest probability that is told from 0: any less does not happen in a recording."""
+
 
 def outliers(n: int, rate: float, size: float, random: Generator) -> Array:
     """Errors to be added to `n` samples: normal with standard deviation `size` in a part `rate`, else 0."""
@@ -33,7 +36,7 @@ def missing_samples(n: int, rate: float, length: float, random: Generator) -> ND
         return np.full(n, rate == 1.0)
     odds = rate / (1.0 - rate)
     length = max(length, odds)
-    begin = odds / length
+    begin = max(RAREST, odds / length)
     missing, k, gap = np.zeros(n, bool), 0, bool(random.random() < rate)
     while k < n:
         run = int(random.geometric(1.0 / length if gap else begin))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.loop.sensor import make_sensor
-from sim.actuator import LEAST_SUPPLY
+from sim.truth import LEAST_SUPPLY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
