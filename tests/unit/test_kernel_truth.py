@@ -161,7 +161,7 @@ def test_an_ideal_relay_switches_at_the_same_instants(names, options):
     [(0.2, 0.99872, 1.27573), (0.45, 0.99398, 1.28499), (1.0, 0.97801, 1.31663), (4.0, 0.93477, 1.41561)],
 )
 def test_an_ideal_relay_finds_the_exact_limit_cycle(zeta, ratio, gamma):
-    """Its frequency over omega_n and its amplitude factor are those of the half-period map's (matrix exponential)."""
+    """Frequency over omega_n and amplitude factor by the half-period map (matrix exponential)."""
     p, r = parameters(K_L, OMEGA_N, zeta), np.zeros(1, runs.RELAY)
     r["e_a"], switches = 0.5, np.zeros(1000)
     t = np.arange(1e-5, 60.0 / OMEGA_N * (1.0 + 6.0 * zeta), 1e-5)
