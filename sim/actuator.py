@@ -121,6 +121,8 @@ class Actuator:
 
     def sample(self, t: float) -> tuple[float, float]:
         """The newest sample at `t` [s] and its time stamp [s]; the one before where this one never came."""
+        if self.readings.punctual:
+            return self.measure(t), t
         if not self.readings.missing():
             taken, stamp = self.readings.taken(t)
             self._sampled = self.measure(taken), stamp
@@ -134,12 +136,17 @@ class Actuator:
     def change(self, t: float, values: Mapping[str, object]) -> None:
         """Have other parameters from `t` [s] on; `position` moves the load there at once.
 
+        Of `effects` those change that are named; {} switches one off.
+
         Raises:
             ValueError: An unknown parameter or an impossible value; it is named.
         """
         if fixed := FIXED & set(values):
             raise ValueError(f"{', '.join(sorted(fixed))} cannot change while the rig runs")
-        config = PlantConfig.model_validate_json(json.dumps({**self.config.model_dump(), **values}))
+        new, effects = {**self.config.model_dump(), **values}, values.get("effects")
+        if isinstance(effects, dict):
+            new["effects"] = {**self.config.effects, **effects}
+        config = PlantConfig.model_validate_json(json.dumps(new))
         self.advance(t)
         self.config = config
         self.plant.change(self.t, plant_parameters(config))

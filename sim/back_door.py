@@ -59,7 +59,7 @@ class BackDoor:
         }
 
     def truth(self, _params: dict[str, Any]) -> object:
-        """K_L, omega_n and zeta of each plant."""
+        """K_L, omega_n and zeta of each plant for small movements."""
         return self._rig.truth()
 
     def state(self, _params: dict[str, Any]) -> object:
@@ -80,13 +80,13 @@ class BackDoor:
         return list(self._plant(params).history)
 
     def set(self, params: dict[str, Any]) -> object:
-        """`plant` and new values of its parameters -> the truth."""
+        """`plant` and new values of its parameters, effects by name -> the truth."""
         plant = self._plant(params)
         plant.change(self._clock(), {name: value for name, value in params.items() if name != "plant"})
         return self._rig.truth()
 
     def constant(self, params: dict[str, Any]) -> object:
-        """`channel`, `value`: what a constant input says from now on, such as an e-stop line."""
+        """`channel`, `value`: what a constant input says from now on, such as an e-stop line or a pressure."""
         channel, value = params.get("channel"), params.get("value")
         self._rig.set_constant(self._clock(), str(channel), _NUMBER.validate_python(value))
         return self._rig.constants

@@ -22,9 +22,21 @@ class Readings:
 
     Attributes:
         jitter: Standard deviation of the time at which a sample is taken [s].
+        punctual: Each sample comes, and is taken when it is asked for.
     """
 
-    __slots__ = ("_begins", "_ends", "_gap", "jitter", "noise", "outliers", "random", "size", "step")
+    __slots__ = (
+        "_begins",
+        "_ends",
+        "_gap",
+        "jitter",
+        "noise",
+        "outliers",
+        "punctual",
+        "random",
+        "size",
+        "step",
+    )
 
     def __init__(self, random: Random, noise: float, effects: Mapping[str, Mapping[str, float]]) -> None:
         self.random = random
@@ -45,6 +57,7 @@ class Readings:
         odds = rate / max(1e-12, 1.0 - rate)
         length = max(odds, value("missing_samples", "length", 1.0))  # so many cannot be lost in shorter gaps
         self._begins, self._ends = odds / length, 1.0 / length
+        self.punctual = not (rate or self.jitter)
 
     def read(self, value: float) -> float:
         """One reading of the true value [unit, or unit/s]."""
