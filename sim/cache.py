@@ -56,8 +56,13 @@ def _fingerprint() -> str:
 
 def is_plant_compiled() -> bool:
     """Whether a `sim.plant.Plant` begins without compilation."""
+    return are_compiled("plant.arrive", "plant.look")
+
+
+def are_compiled(*functions: str) -> bool:
+    """Whether these functions' machine code is kept; written as `module.function`."""
     folder = cache_folder()
-    return folder is not None and all(any(folder.rglob(f"plant.{name}-*.nbi")) for name in ("arrive", "look"))
+    return folder is not None and all(any(folder.rglob(f"{name}-*.nbi")) for name in functions)
 
 
 def compile_plant() -> None:

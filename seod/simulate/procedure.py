@@ -89,6 +89,13 @@ class Simulation:
             K_L = sum(gain_range(axis.K_L)) / 2.0
         return axis.relay.bias + (axis.reference or 0.0) / K_L
 
+    @property
+    def compiled_parts(self) -> list[str]:
+        """Functions of the kernel that it calls."""
+        relay = ["runs.sampled_relay"] if self.signal is None else []
+        held = self.signal is not None or self.experiment.approach is not None
+        return relay + (["runs.follow"] if held else [])
+
     def run(self) -> dict[str, Array]:
         """The recording's columns, in SI.
 

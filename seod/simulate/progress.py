@@ -22,9 +22,10 @@ REFRESH_S = 0.1
 def watched(
     what: str, work: Callable[[], T], fraction: Callable[[], float], console: Console | None = None
 ) -> T:
-    """Do `work` in a thread (it releases the interpreter's lock) and show `fraction` of it done meanwhile.
+    """Do `work` in a thread and, on a terminal, show `fraction` of it done meanwhile.
 
-    Whatever `work` raises is raised here. An interrupt leaves the thread to the end of the process.
+    Whatever `work` raises is raised here. An interrupt is heard at once, even while compiled code runs, and
+    leaves the thread to the end of the process.
 
     Args:
         what: In front of the bar.
@@ -33,8 +34,6 @@ def watched(
         console: Where to; standard error where left out.
     """
     console = console or Console(file=sys.stderr)
-    if not console.is_terminal:
-        return work()
     done: list[T] = []
     raised: list[BaseException] = []
 
@@ -46,7 +45,7 @@ def watched(
 
     thread = threading.Thread(target=run, name=what, daemon=True)
     thread.start()
-    thread.join(QUICK_S)
+    thread.join(QUICK_S if console.is_terminal else None)
     if thread.is_alive():
         with Progress(console=console, transient=True) as bar:
             task = bar.add_task(what, total=1.0)

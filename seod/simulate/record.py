@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 from seod.simulate.csv_file import ENDINGS, write_csv
 from seod.simulate.procedure import Simulation
 from seod.simulate.progress import watched
 from seod.simulate.summary import summary
+from sim.cache import are_compiled
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,6 +32,8 @@ def record(config: RigConfig, axis: str | None, wishes: Wishes, out: Path) -> di
     if not out.parent.is_dir():
         raise ValueError(f"--out {out}: there is no directory {out.parent}")
     simulation = Simulation(config, _chosen(config, axis), wishes)
+    if not are_compiled(*simulation.compiled_parts):
+        print("compiling the kernel (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
     columns = watched("simulating", simulation.run, simulation.fraction)
     written = [0.0]
     watched("writing", lambda: write_csv(out, columns, written.append), lambda: written[-1])
