@@ -142,7 +142,7 @@ def fastest_rate(record: npt.NDArray[np.void]) -> float:
     if p["periodic_disturbance_amplitude"] > 0.0:
         rates.append(float(p["periodic_disturbance_omega"]))
     if p["sensor_lag_time"] > 0.0:
-        rates.append(0.2 / float(p["sensor_lag_time"]))
+        rates.append(0.4 / float(p["sensor_lag_time"]))
     if p["valve_lag_time"] > 0.0:
         rates.append(0.2 / float(p["valve_lag_time"]))
     if p["stribeck_friction_level"] > 0.0:

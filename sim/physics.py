@@ -140,6 +140,12 @@ def followed(p: Record, s: Record, position: float) -> float:
 
 
 @compiled
+def in_contact(p: Record, s: Record) -> bool:
+    """Whether the actuator, as it moves, takes along what is behind the backlash."""
+    return s.motion * (s.position - s.followed) >= 0.5 * p.backlash_gap * (1.0 - 1e-9)
+
+
+@compiled
 def rippled(p: Record, position: float) -> float:
     """Position with the encoder's eccentricity."""
     if p.position_ripple_amplitude == 0.0:
@@ -154,7 +160,7 @@ def seen(p: Record, s: Record, position: float, velocity: float) -> float:
     behind = followed(p, s, position)
     if not p.measures_speed:
         return rippled(p, behind)
-    if p.backlash_gap > 0.0 and abs(position - behind) < 0.5 * p.backlash_gap * (1.0 - 1e-9):
+    if p.backlash_gap > 0.0 and not in_contact(p, s):
         return 0.0
     if p.position_ripple_amplitude == 0.0:
         return velocity

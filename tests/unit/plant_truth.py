@@ -1,8 +1,8 @@
 """The simulated plant written apart, from docs/model.md alone: an ODE with modes, integrated by scipy.
 
-`Plant` knows in which branch of each law it is (sticking, at a stop, in contact, beside the overlap), integrates
-until a branch ends (DOP853 with dense output), and goes on in the next. Slow and strict: it is what the compiled
-kernel is held against.
+`Plant` knows in which branch of each law it is (sticking, at a stop, in contact, beside the overlap),
+integrates until a branch ends (DOP853, dense output), and goes on in the next. Slow and strict: it is what
+the compiled kernel is held against.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Plant:
         level = self.of("coulomb_friction", "level") + self.of("stribeck_friction", "level")
         self.bristles = self.of("lugre_friction", "stiffness") > 0.0
         self.dry = level > 0.0 and not self.bristles
-        self.breakaway = level
+        self.breakaway = 0.0 if self.bristles else level
         self.slides = 0
         self.w = np.zeros(8)
         self.w[[PLACE, PLACE2]] = position
@@ -217,7 +217,7 @@ class Plant:
         self.slides = direction if self.dry else 0
 
     def stand(self):
-        self.w[SPEED] = 0.0
+        self.w[[SPEED, BRISTLE]] = 0.0
         self.slides = 0
         self.part()
 
@@ -287,7 +287,7 @@ class Plant:
         scale = np.array([1.0, speed * self.omega_n, speed, place, speed, place, place, place])
         run = solve_ivp(
             self.slope(side), (self.t, t_end), self.w, method="DOP853", rtol=RTOL, atol=1e-12 * scale,
-            events=events, dense_output=True, max_step=0.05 / self.omega_n,
+            events=events, dense_output=True, max_step=0.2 / self.omega_n,
         )  # fmt: skip
         for k in np.flatnonzero((np.asarray(times) >= self.t) & (np.asarray(times) <= run.t[-1])):
             readings[k] = self.reading(run.sol(times[k]))
