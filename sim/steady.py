@@ -90,7 +90,8 @@ class Steady:
     Attributes:
         volts: The command [V].
         opening: What it opens, in volts of an ideal symmetric valve.
-        side: -1, 1: the valve's side, also where it is just closed.
+        side: -1, 1: the valve's side, also where it is just closed; 0: at rest in its null, where small
+            signals use both sides alike.
         pressure: [unit/s^2]
         speed: [unit/s]
         direction: -1, 1: where the load moves, however slowly; 0: it rests.
@@ -114,10 +115,10 @@ def at_speed(c: Conditions, speed: float, direction: float) -> Steady:
     Raises:
         ValueError: The supply pressure cannot move the load.
     """
-    direction = math.copysign(1.0, speed) if speed else direction
+    direction = _sign(speed) if speed else direction
     pressure = c.load() + direction * c.friction(speed)[0]
     flow = speed + c.leakage() * pressure
-    side = math.copysign(1.0, flow or direction or 1.0)
+    side = _sign(flow or direction)
     slope = c.flow_slopes(0.0, side, pressure)[0]
     if slope <= 0.0:
         most = c.p["square_root_flow_supply"] * c.supply
@@ -140,7 +141,7 @@ def at_volts(c: Conditions, volts: float, direction: float) -> Steady:
     opening, side = _opening(c.p, volts, direction)
     pressure = _stall(c, opening, side)
     surplus, friction = pressure - c.load(), c.friction(0.0)[0]
-    way = math.copysign(1.0, surplus) if surplus else direction
+    way = _sign(surplus) if surplus else direction
     speed = 0.0
     if friction > 0.0 and abs(surplus) <= friction:
         way = 0.0
@@ -184,7 +185,7 @@ def _opening(p: Mapping[str, float], volts: float, direction: float) -> tuple[fl
     limit, overlap = p["valve_saturation_limit"], p["valve_deadband_half_width"]
     spool = min(max(volts, -limit), limit) - direction * p["valve_hysteresis_half_width"]
     from_centre = spool - p["null_shift_voltage"]
-    side = math.copysign(1.0, from_centre or direction or 1.0)
+    side = _sign(from_centre or direction)
     beyond = max(0.0, abs(from_centre) - overlap)
     return side * beyond * (1.0 + side * p["asymmetric_gain_ratio"]), side
 
@@ -204,6 +205,10 @@ def _speed(c: Conditions, opening: float, side: float, direction: float) -> floa
 
     frictionless = opening * c.flow_slopes(opening, side, c.load())[0] - c.leakage() * c.load()
     return _root(surplus, 0.0, frictionless)
+
+
+def _sign(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:

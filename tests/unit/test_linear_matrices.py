@@ -34,7 +34,7 @@ RANGES = {
     "load_spring": {"stiffness": (0.0, 5000.0), "centre": (-0.01, 0.01)},
     "coulomb_friction": {"level": (1.0, 50.0)},
     "stribeck_friction": {"level": (0.0, 20.0), "speed": (2.0, 10.0)},
-    "lugre_friction": {"stiffness": (1e3, 1e6), "damping": (0.0, 50.0)},
+    "lugre_friction": {"stiffness": (1e3, 1e5), "damping": (0.0, 50.0)},
     "load_resonance": {"inertia": (0.1, 3.0), "omega": (20.0, 2000.0), "zeta": (0.01, 0.5)},
     "backlash": {"gap": (1e-3, 0.1)},
     "position_ripple": {"amplitude": (0.0, 0.05), "wavenumber": (0.1, 10.0), "phase": (-3.0, 3.0)},

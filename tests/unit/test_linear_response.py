@@ -55,6 +55,7 @@ CASES = {
     "valve_deadband": Case({"valve_deadband": {"half_width": 0.2}}, {"volts": -0.3}),
     "asymmetric_gain": Case({"asymmetric_gain": {"ratio": 0.2}}, MOVING),
     "asymmetric_gain back": Case({"asymmetric_gain": {"ratio": 0.2}}, {"speed": -2.0}),
+    "asymmetric_gain at rest": Case({"asymmetric_gain": {"ratio": 0.2}}, AT_REST),
     "square_root_flow": Case({"square_root_flow": {"supply": 400.0}}, {"volts": 0.2}),
     "square_root_flow loaded": Case(
         {"square_root_flow": {"supply": 400.0}, "load_bias": {"acceleration": -150.0}},
