@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -52,6 +53,16 @@ def test_the_raw_client(port: int) -> None:
     code = code.replace("7600", str(port))
     done = subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True)
     assert '"axis":"motor"' in done.stdout
+
+
+def test_the_simulated_recording(tmp_path: Path) -> None:
+    (line,) = [line for block in blocks("sh") for line in block.splitlines() if "seod simulate" in line]
+    words = line.replace("configs/", f"{REPO}/configs/").split()
+    done = subprocess.run(
+        [sys.executable, "-m", "seod.cli", *words[1:]], cwd=tmp_path, capture_output=True, check=True
+    )
+    assert json.loads(done.stdout)["truth"]["effects"]["valve_deadband"] == {"half_width": 0.05}
+    assert (tmp_path / "truth.csv").read_text().startswith("t,u,y,t_u\n")
 
 
 def test_its_files_and_make_targets_exist() -> None:

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import sys
 import threading
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 T = TypeVar("T")
 
 QUICK_S = 0.5
 """Shorter work shows nothing."""
 REFRESH_S = 0.1
+
+
+@contextmanager
+def shown(what: str, console: Console | None = None) -> Iterator[Callable[[float], None]]:
+    """A bar with `what` in front, on a terminal; gives the function that takes how far it is, 0 to 1."""
+    console = console or Console(file=sys.stderr)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
 
 
 def watched(
@@ -47,10 +57,9 @@ def watched(
     thread.start()
     thread.join(QUICK_S if console.is_terminal else None)
     if thread.is_alive():
-        with Progress(console=console, transient=True) as bar:
-            task = bar.add_task(what, total=1.0)
+        with shown(what, console) as show:
             while thread.is_alive():
-                bar.update(task, completed=fraction())
+                show(fraction())
                 thread.join(REFRESH_S)
     if raised:
         raise raised[0]

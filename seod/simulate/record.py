@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from seod.simulate.csv_file import ENDINGS, write_csv
 from seod.simulate.procedure import Simulation
-from seod.simulate.progress import watched
+from seod.simulate.progress import shown, watched
 from seod.simulate.summary import summary
 from sim.cache import are_compiled
 
@@ -35,8 +35,8 @@ def record(config: RigConfig, axis: str | None, wishes: Wishes, out: Path) -> di
     if not are_compiled(*simulation.compiled_parts):
         print("compiling the kernel (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
     columns = watched("simulating", simulation.run, simulation.fraction)
-    written = [0.0]
-    watched("writing", lambda: write_csv(out, columns, written.append), lambda: written[-1])
+    with shown("writing") as show:
+        write_csv(out, columns, show)
     return summary(out, simulation, columns)
 
 
