@@ -86,7 +86,7 @@ class BackDoor:
         return self._rig.truth()
 
     def constant(self, params: dict[str, Any]) -> object:
-        """`channel`, `value`: what a constant input says from now on, such as an e-stop line or a pressure."""
+        """`channel`, `value`: what a constant input says from now on, such as an e-stop line or pressure."""
         channel, value = params.get("channel"), params.get("value")
         self._rig.set_constant(self._clock(), str(channel), _NUMBER.validate_python(value))
         return self._rig.constants

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 KeyPath = tuple[str | int, ...]
 """Keys and list indices from the top of the file to a value."""
 
-LISTED = 20
+LISTED = 30
 """Longest list of possible names in one message."""
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ValidationError
+from typing_extensions import is_typeddict
 
 from seod.config.errors import KeyPath, suggest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
@@ -139,14 +140,16 @@ def _real_path(location: tuple[str | int, ...], raw: Any, kind: str) -> KeyPath:
     return (*path, location[-1]) if lost_key else tuple(path)
 
 
-def fields_at(model: type[BaseModel], path: KeyPath, raw: Any = None) -> dict[str, FieldInfo]:
-    """The fields that a model knows at a path; empty where that cannot be told.
+def fields_at(model: type[BaseModel], path: KeyPath, raw: Any = None) -> Mapping[str, FieldInfo | None]:
+    """The fields of a model, or keys of a typed dictionary, at a path; empty where that cannot be told.
 
     Where the path leads to one of several kinds, `raw` tells by its `kind` which of them counts.
     """
     annotation: Any = model
     for part in path:
         annotation = _step(annotation, part)
+    if is_typeddict(annotation):
+        return dict.fromkeys(get_type_hints(annotation))
     models = _of_kind(_models(annotation), at(raw, path))
     return {name: field for found in models for name, field in found.model_fields.items()}
 
@@ -165,6 +168,8 @@ def _of_kind(models: list[type[BaseModel]], value: Any) -> list[type[BaseModel]]
 
 
 def _step(annotation: Any, part: str | int) -> Any:
+    if is_typeddict(annotation):
+        return get_type_hints(annotation).get(str(part))
     for model in _models(annotation):
         if part in model.model_fields:
             return model.model_fields[str(part)].annotation

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from sim.cache import is_plant_compiled
+
 SHOWN = "; import sys; print(sorted({'numba', 'llvmlite'} & set(sys.modules)))"
 
 
@@ -39,3 +41,4 @@ def test_a_virtual_rig_that_is_opened_has_it() -> None:
         "driver.open(['encoder'], ['amplifier'])"
     )
     assert numba_after(code) == "['llvmlite', 'numba']"
+    assert is_plant_compiled()  # as `seod run` looks for it
