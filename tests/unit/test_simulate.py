@@ -6,18 +6,13 @@ import csv
 import gzip
 import io
 import json
-import re
 import subprocess
 import sys
-import time
 from statistics import fmean
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from relay_truth import settings
-from rich.console import Console
 from typer.testing import CliRunner
 
 from seod.cli import app
@@ -25,10 +20,7 @@ from seod.config.load import load_rig, load_text
 from seod.estimate import make_estimator
 from seod.estimate.base import Row
 from seod.paths import configs_dir
-from seod.simulate.csv_file import write_csv
-from seod.simulate.progress import watched
-from seod.simulate.wishes import BELONGS, EXCITATIONS, Wishes, read_band, read_effects
-from sim.effects import EFFECTS
+from seod.simulate.wishes import EXCITATIONS
 
 RIGS = sorted(configs_dir().glob("*.yaml"))
 VIRTUAL = configs_dir() / "virtual.yaml"
@@ -253,13 +245,6 @@ def test_a_recording_that_was_there_is_kept(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "out.csv~"]
 
 
-def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path):
-    columns = {"t": np.zeros(3), "u": np.zeros(2)}
-    with pytest.raises(ValueError, match="shorter"):
-        write_csv(tmp_path / "out.csv", columns)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -330,73 +315,6 @@ def test_compilation_is_told_where_the_cache_is_cold(tmp_path, monkeypatch):
     assert not cache.are_compiled("runs.sampled_relay")
     words = ["simulate", str(VIRTUAL), "--out", str(tmp_path / "out.csv"), "--duration", "0.1"]
     assert CliRunner().invoke(app, words).stderr == COMPILING
-
-
-def test_long_work_shows_how_far_it_is_and_errors_come_through():
-    console = Console(file=io.StringIO(), force_terminal=True, width=80)
-    asked = []
-
-    def work():
-        while len(asked) < 3:
-            time.sleep(0.01)
-        return "done"
-
-    def fraction():
-        asked.append(0.42)
-        return 0.42
-
-    assert watched("simulating", work, fraction, console) == "done"
-    assert "42%" in console.file.getvalue()
-
-    def fails():
-        raise ValueError("in the thread")
-
-    with pytest.raises(ValueError, match="in the thread"):
-        watched("simulating", fails, fraction, console)
-
-
-PLACES = [(effect, each) for effect in EFFECTS.values() for each in effect.parameters]
-
-
-@given(st.sampled_from(PLACES), st.floats(allow_nan=False))
-def test_each_number_of_each_effect_is_read_or_refused_with_its_range(place, value):
-    effect, each = place
-    word = f"{effect.name}.{each.name}={value!r}"
-    if each.low <= value <= each.high:
-        assert read_effects([word]) == {effect.name: {each.name: value}}
-    else:
-        with pytest.raises(ValueError, match=re.escape(word)) as told:
-            read_effects([word])
-        assert "must be within" in str(told.value)
-
-
-@given(st.text())
-def test_any_other_word_is_refused_with_a_sentence(word):
-    with pytest.raises(ValueError, match=r"effect|has no parameter|give a number|must be within"):
-        read_effects([word])
-
-
-def test_the_last_of_two_values_counts():
-    assert read_effects(["backlash.gap=1", "backlash.gap=2"]) == {"backlash": {"gap": 2.0}}
-    assert read_effects([]) == {}
-
-
-@given(st.text(max_size=12))
-def test_a_band_is_two_frequencies_or_refused(text):
-    try:
-        low, high = read_band(text)
-    except ValueError as error:
-        told = str(error)
-        assert f"--band {text}" in told
-    else:
-        assert 0.0 < low <= high
-
-
-@pytest.mark.parametrize("option", list(BELONGS))
-def test_an_option_that_does_nothing_is_refused(option):
-    for kind in set(EXCITATIONS) - set(BELONGS[option]) - {"file"}:
-        with pytest.raises(ValueError, match=f"--{option} belongs to"):
-            Wishes(excitation=kind, **{option: 1})
 
 
 def test_a_real_rig_has_nothing_to_simulate(tmp_path):
