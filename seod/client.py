@@ -197,6 +197,10 @@ class Client:
         """End a subscription; what came before may still be among the notifications."""
         self.call("unsubscribe", subscription=subscription)
 
+    def forget(self) -> None:
+        """Drop the notifications that have come and were not taken."""
+        self._notifications.clear()
+
     def info(self) -> Message:
         """Versions, rig, axes, whether the loop is real-time, and the truth of a simulated rig."""
         return self.call("info")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.progress import Progress
@@ -95,16 +95,15 @@ def calibrate_axis(
     Raises:
         CalibrationError: It cannot be done.
     """
-    rig = RemoteRig(client, name)
     now = client.get(name)
     if now["state"] != "idle":
         raise CalibrationError(f"{name} is {now['state']}: stop or reset it first")
     bias = now["settings"]["bias"]
     try:
-        results = [_measure(rig, name, axis, console)]
+        results = [_measure(client, name, axis, console)]
         for number in range(1, pressures):
             wait_for_pressure(console, number + 1, pressures)
-            results.append(_measure(rig, name, axis, console))
+            results.append(_measure(client, name, axis, console))
     finally:
         client.set(name, bias=bias)
     return results[0], by_pressure([result.static for result in results])
@@ -122,10 +121,10 @@ def wait_for_pressure(console: Console, number: int, pressures: int) -> None:
         raise CalibrationError("nobody can be asked to change the pressure") from None
 
 
-def _measure(rig: RemoteRig, name: str, axis: AxisConfig, console: Console) -> Result:
-    limits = axis.limits
-    plan = Plan(rig.gain(), limits.travel, limits.output, axis.relay.e_a, rig.bias(), axis.mode == "velocity")
-    with Progress(console=console, transient=True) as progress:
+def _measure(client: Client, name: str, axis: AxisConfig, console: Console) -> Result:
+    limits, pulse, speed = axis.limits, axis.relay.e_a, axis.mode == "velocity"
+    with closing(RemoteRig(client, name)) as rig, Progress(console=console, transient=True) as progress:
+        plan = Plan(rig.gain(), limits.travel, limits.output, pulse, rig.bias(), speed)
         task = progress.add_task(name, total=1.0)
         return Procedure(
             rig, plan, lambda what, done: progress.update(task, description=f"{name}: {what}", completed=done)

@@ -9,7 +9,7 @@ from seod.calibrate.procedure import CalibrationError
 from seod.calibrate.recording import recording
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from seod.calibrate.recording import Recording
     from seod.client import Client
@@ -35,9 +35,16 @@ class RemoteRig:
         self.axis = axis
         self.polarity: dict[str, Any] | None = None
         """The guard's `polarity` event; None while it has not pulsed."""
-        client.subscribe(["sample", "event"], [axis])
+        self._lost = 0
+        """Messages that the daemon could not send, for this end did not read."""
+        self._subscription = client.subscribe(["sample", "event"], [axis])
         self._newest = self._first()
         self._rest: deque[dict[str, Any]] = deque([self._newest], maxlen=REST_ROWS)
+
+    def close(self) -> None:
+        """Hear no more of it: who is not read meanwhile is sent old samples later, and none of the newest."""
+        self.client.unsubscribe(self._subscription)
+        self.client.forget()
 
     def _first(self) -> dict[str, Any]:
         for sample in self._samples(SILENCE_S):
@@ -85,7 +92,7 @@ class RemoteRig:
     def _record(self, duration: float) -> Recording:
         kept: list[dict[str, Any]] = []
         rest = deque(self._rest, maxlen=REST_ROWS)
-        moved, idle_since = False, None
+        moved, idle_since, self._lost = False, None, 0
         for sample in self._samples(duration + SILENCE_S):
             state = sample["state"]
             if state == "exciting":
@@ -94,15 +101,23 @@ class RemoteRig:
                 rest.append(sample)
             if state != "idle":
                 self._rest.clear()
-            moved |= state not in ("idle", "fault")
+            moved |= state not in ("idle", "fault") or self._moved_unseen()
             if state == "fault" and moved:
                 raise CalibrationError(self._fault())
             if state == "idle" and moved:
                 idle_since = idle_since or sample["t"]
                 self._rest.append(sample)
                 if sample["t"] - idle_since >= REST_S:
-                    return recording(rest, kept)
+                    return self._whole(rest, kept)
         raise CalibrationError(f"{self.axis} did not come to rest within {duration + SILENCE_S:g} s")
+
+    def _moved_unseen(self) -> bool:
+        return self._lost > 0 and self.client.get(self.axis)["state"] in ("idle", "fault")
+
+    def _whole(self, rest: Sequence[dict[str, Any]], kept: Sequence[dict[str, Any]]) -> Recording:
+        if self._lost:
+            raise ValueError(f"{self._lost} samples were lost, for they were not taken in time")
+        return recording(rest, kept)
 
     def _samples(self, timeout: float) -> Iterator[dict[str, Any]]:
         for message in self.client.notifications(timeout):
@@ -110,6 +125,8 @@ class RemoteRig:
             if message["method"] == "sample":
                 self._newest = params
                 yield params
+            elif message["method"] == "lost":
+                self._lost += params["lost"]
             elif message["method"] == "event" and params["event"] == "polarity":
                 self.polarity = params
             elif message["method"] == "event" and params["event"] == "fault":
