@@ -1,0 +1,258 @@
+/* The kernel once more in C, to compare with: sim/kernel.py and sim/runs.py, function by function.
+ *
+ * bench/kernel_in_c.py writes kernel_records.h (the records Plant, State and Relay, all of doubles, and the
+ * constants) from the tables of sim/ and compiles this by `cc -O2`. Names, units and reasons are in sim/.
+ */
+#include "kernel_physics.h"
+
+/* Integration and events: sim/kernel.py */
+
+static void command(const Plant *p, State *s, double volts) {
+  volts = clip(volts, -p->valve_saturation_limit, p->valve_saturation_limit);
+  s->target = clip(s->target, volts - p->valve_hysteresis_half_width, volts + p->valve_hysteresis_half_width);
+}
+
+static double measured(const Plant *p, const State *s) {
+  return p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity);
+}
+
+static double quantized(const Plant *p, double value) {
+  const double step = p->sensor_quantization_step;
+  return step == 0.0 ? value : step * floor(value / step + 0.5);
+}
+
+static double next_edge(const Plant *p, const State *s) {
+  double nearest = INFINITY;
+  if (p->valve_lag_time == 0.0) return nearest;
+  for (double side = -1.0; side <= 1.0; side += 2.0) {
+    const double before = s->spool - s->target;
+    const double after = p->null_shift_voltage + side * p->valve_deadband_half_width - s->target;
+    if (before * after > 0.0 && fabs(after) < fabs(before) * (1.0 - 1e-9))
+      nearest = min(nearest, p->valve_lag_time * log(before / after));
+  }
+  return nearest;
+}
+
+static double longest_substep(const Plant *p, const State *s, double t) {
+  double quicker = sqrt(stiffness(p, s));
+  double rate = p->parameter_drift_omega_n, thermal = p->parameter_drift_omega_n_thermal;
+  if (rate != 0.0 || thermal != 0.0)
+    quicker *= drifted(rate, thermal, (rate > 0.0 ? t : s->t) - s->origin, s->warmth);
+  rate = p->parameter_drift_zeta, thermal = p->parameter_drift_zeta_thermal;
+  if (rate != 0.0 || thermal != 0.0)
+    quicker *= max(1.0, drifted(rate, thermal, (rate > 0.0 ? t : s->t) - s->origin, s->warmth));
+  return p->substep / max(1.0, quicker);
+}
+
+static double substep(const Plant *p, const State *s, double left, double longest, bool *ends) {
+  const double opened = fabs(opening(p, s->spool)) + fabs(opening(p, s->target));
+  if (p->square_root_flow_supply < INFINITY && opened > 0.0) {
+    const double drop = 1.0 - fabs(s->pressure) / (p->square_root_flow_supply * max(s->supply, VACUUM));
+    const double soft = LAMINAR + fabs(drop), speed = p->K_L * opened;
+    const double rate = max(speed / sqrt(soft), (speed + fabs(s->velocity)) / soft);
+    longest = min(longest, 0.5 * p->square_root_flow_supply / (p->omega_n * p->omega_n * rate));
+  }
+  if (p->lugre_friction_stiffness > 0.0) {
+    const double level = p->coulomb_friction_level + 1e-300;
+    longest = min(longest, 1.0 / (p->lugre_friction_stiffness * fabs(s->velocity) / level + 1e-300));
+  }
+  longest = max(longest, 1e-9);
+  const double pieces = ceil(left / longest - 1e-9);
+  const double h = pieces > 1.0 ? left / pieces : left;
+  const double edge = next_edge(p, s);
+  *ends = edge >= h && pieces <= 1.0;
+  return edge < h ? edge : h;
+}
+
+static void moved(const double *z, const double *k, double h, double *out) {
+  for (int i = 0; i < STATES; i++) out[i] = z[i] + h * k[i];
+}
+
+static void step(const Plant *p, const State *s, const double *z, double h, double *out) {
+  double a[STATES], b[STATES], c[STATES], d[STATES], at[STATES];
+  const double half = 0.5 * h;
+  const double middle = opening(p, spool_at(p, s, half));
+  rates(p, s, z, s->t, opening(p, p->valve_lag_time > 0.0 ? s->spool : s->target), a);
+  moved(z, a, half, at);
+  rates(p, s, at, s->t + half, middle, b);
+  moved(z, b, half, at);
+  rates(p, s, at, s->t + half, middle, c);
+  moved(z, c, h, at);
+  rates(p, s, at, s->t + h, opening(p, spool_at(p, s, h)), d);
+  for (int i = 0; i < STATES; i++)
+    out[i] = z[i] + h / 6.0 * a[i] + h / 3.0 * b[i] + h / 3.0 * c[i] + h / 6.0 * d[i];
+}
+
+static void accept(const Plant *p, State *s, const double *z, double h) {
+  s->spool = spool_at(p, s, h);
+  s->t += h;
+  s->pressure = z[PRESSURE], s->velocity = z[VELOCITY], s->position = z[POSITION];
+  s->velocity2 = z[VELOCITY2], s->position2 = z[POSITION2], s->bristle = z[BRISTLE], s->lagged = z[LAGGED];
+  s->followed = followed(p, s, s->position);
+}
+
+static double balance(const Plant *p, const State *s, const double *z, double t) {
+  return drive(p, s, t, z[PRESSURE], z[POSITION], p->load_resonance_inertia > 0.0 ? coupling(p, 0.0, z) : 0.0);
+}
+
+static double breaks_away(const Plant *p, const State *s, const double *z, double t) {
+  const double drives = balance(p, s, z, t);
+  const double holds = p->lugre_friction_stiffness == 0.0 ? friction_level(p, 0.0) : 0.0;
+  return (s->stopped == 0.0 ? fabs(drives) : -s->stopped * drives) - holds;
+}
+
+static double event(const Plant *p, const State *s, const double *z, double h) {
+  double most = -1.0;
+  if (s->watch != 0.0) {
+    const double sees = p->sensor_lag_time > 0.0 ? z[LAGGED] : seen(p, s, z[POSITION], z[VELOCITY]);
+    most = max(most, s->watch * (sees - s->level - s->rate * (s->t + h)));
+  }
+  if (s->stopped != 0.0 || s->motion == 0.0) return max(most, breaks_away(p, s, z, s->t + h));
+  if (dry_friction(p) || p->backlash_gap > 0.0 || p->lugre_friction_stiffness > 0.0)
+    most = max(most, -s->motion * z[VELOCITY]);
+  if (p->backlash_gap > 0.0 && p->sensor_lag_time > 0.0 && !in_contact(p, s))
+    most = max(most, s->motion * (z[POSITION] - s->followed) - 0.5 * p->backlash_gap);
+  return max(most, max(z[POSITION] - p->stop_high, p->stop_low - z[POSITION]));
+}
+
+static double locate(const Plant *p, const State *s, const double *z, double h) {
+  double low = 0.0, high = h, then[STATES];
+  const double sharp = SHARPNESS * h;
+  step(p, s, z, h, then);
+  double at_low = event(p, s, z, 0.0), at_high = event(p, s, then, h);
+  int side = 0;
+  for (int trial = 0; trial < MOST_TRIALS && high - low > sharp; trial++) {
+    double middle = (low * at_high - high * at_low) / (at_high - at_low);
+    middle = clip(middle, low + 0.5 * sharp, high - 0.5 * sharp);
+    step(p, s, z, middle, then);
+    const double value = event(p, s, then, middle);
+    if (value > 0.0) {
+      high = middle, at_high = value;
+      if (side > 0) at_low *= 0.5;
+      side = 1;
+    } else {
+      low = middle, at_low = value;
+      if (side < 0) at_high *= 0.5;
+      side = -1;
+    }
+  }
+  return high;
+}
+
+static void stop(const Plant *p, State *s) {
+  s->stopped = s->position >= p->stop_high ? 1.0 : -1.0;
+  s->position = s->stopped > 0.0 ? p->stop_high : p->stop_low;
+  s->velocity = s->bristle = 0.0;
+  if (p->load_resonance_inertia == 0.0) s->velocity2 = 0.0, s->position2 = s->position;
+}
+
+static void turn_round(const Plant *p, State *s, double *z) {
+  if (!dry_friction(p)) {
+    s->motion = -s->motion;
+    return;
+  }
+  s->velocity = z[VELOCITY] = 0.0;
+  if (p->load_resonance_inertia == 0.0) s->velocity2 = z[VELOCITY2] = 0.0;
+  const double drives = balance(p, s, z, s->t);
+  s->motion = fabs(drives) <= friction_level(p, 0.0) ? 0.0 : copysign(1.0, drives);
+}
+
+static void react(const Plant *p, State *s, double *z) {
+  if (s->watch != 0.0 && s->watch * (measured(p, s) - s->level - s->rate * s->t) >= 0.0) s->passed = 1.0;
+  if (s->stopped != 0.0 || s->motion == 0.0) {
+    if (breaks_away(p, s, z, s->t) > 0.0) {
+      s->motion = balance(p, s, z, s->t) < 0.0 ? -1.0 : 1.0;
+      s->stopped = 0.0;
+    }
+  } else if (s->position >= p->stop_high || s->position <= p->stop_low) {
+    stop(p, s);
+  } else if (s->motion * s->velocity <= 0.0) {
+    turn_round(p, s, z);
+  }
+}
+
+static void advance(const Plant *p, State *s, double t) {
+  s->passed = 0.0;
+  if (s->velocity * s->motion < 0.0) s->motion = -s->motion;
+  const double longest = longest_substep(p, s, t);
+  for (long events = 0; s->t < t;) {
+    bool ends;
+    const double h = substep(p, s, t - s->t, longest, &ends);
+    const double now[STATES] = {s->pressure,  s->velocity, s->position, s->velocity2,
+                                s->position2, s->bristle,  s->lagged};
+    double then[STATES];
+    step(p, s, now, h, then);
+    if (events > MOST_EVENTS || event(p, s, then, h) <= 0.0) {
+      accept(p, s, then, h);
+      if (ends) s->t = t;
+      continue;
+    }
+    const double high = locate(p, s, now, h);
+    step(p, s, now, high, then);
+    accept(p, s, then, high);
+    react(p, s, then);
+    events++;
+    if (s->passed != 0.0) break;
+  }
+}
+
+/* Runs: sim/runs.py, with constant supply and temperature and without noise */
+
+static long deliver(const Plant *p, State *s, const double *t_u, const double *u, long given, long made, double t) {
+  for (; given < made && t_u[given] + p->transport_delay_time <= t; given++) {
+    advance(p, s, max(s->t, t_u[given] + p->transport_delay_time));
+    command(p, s, u[given]);
+  }
+  advance(p, s, t);
+  return given;
+}
+
+void follow(const Plant *p, State *s, const double *t_u, const double *u, const double *t, long rows, double *y) {
+  long given = 0;
+  for (long k = 0; k < rows; k++) {
+    given = deliver(p, s, t_u, u, given, rows, t[k]);
+    y[k] = quantized(p, measured(p, s));
+  }
+}
+
+void sampled_relay(const Plant *p, State *s, const Relay *r, const double *t, long rows, double *y, double *u,
+                   double *t_u) {
+  long given = 0;
+  double sign = 1.0;
+  for (long k = 0; k < rows; k++) {
+    given = deliver(p, s, t_u, u, given, k, t[k]);
+    y[k] = quantized(p, measured(p, s));
+    const double signal = y[k] - r->reference;
+    if (fabs(signal) > r->hysteresis) sign = signal > 0.0 ? -1.0 : 1.0;
+    u[k] = r->bias + sign * r->e_a;
+    t_u[k] = t[k] + r->latency;
+  }
+}
+
+long ideal_relay(const Plant *p, State *s, const Relay *r, const double *t, long rows, double *y, double *switches,
+                 long most) {
+  double sign = 1.0, due = INFINITY;
+  long count = 0;
+  command(p, s, r->bias + r->e_a);
+  for (long k = 0; k < rows; k++) {
+    while (s->t < t[k]) {
+      s->watch = due == INFINITY ? sign : 0.0;
+      s->level = r->reference + sign * r->hysteresis;
+      advance(p, s, min(due, t[k]));
+      if (s->passed != 0.0) {
+        if (count < most) switches[count] = s->t;
+        count++;
+        sign = -sign;
+        due = s->t + r->latency + p->transport_delay_time;
+        s->passed = 0.0;
+      }
+      if (s->t >= due) {
+        command(p, s, r->bias + sign * r->e_a);
+        due = INFINITY;
+      }
+    }
+    y[k] = measured(p, s);
+  }
+  s->watch = 0.0;
+  return count;
+}
