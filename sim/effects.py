@@ -272,6 +272,12 @@ _ALL = (
     ),
 )
 
+LEAST = {"valve_lag.time": 1e-5, "sensor_lag.time": 1e-5, "backlash.gap": 1e-9}
+"""What is smaller and not 0 costs the kernel much, for nothing that could be seen."""
+
+STIFFEST = 1e5
+"""Greatest stiffness of bristles over level [1/unit]; level of Stribeck friction over its speed [1/s]."""
+
 EFFECTS = {effect.name: effect for effect in _ALL}
 """All effects by name, in the order of the signal's way."""
 
@@ -294,8 +300,22 @@ def parameter(place: str) -> tuple[Effect, Parameter]:
 
 
 def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
-    """What of these effects cannot be together; "" if all can."""
-    level = effects.get("coulomb_friction", {}).get("level", 0.0)
-    if effects.get("lugre_friction", {}).get("stiffness", 0.0) > 0.0 and not level > 0.0:
-        return "lugre_friction needs coulomb_friction.level > 0: its bristles give way at that force"
-    return ""
+    """What of these effects cannot be together, or is too quick to be simulated; "" if all can."""
+    values = {f"{name}.{of}": value for name, group in effects.items() for of, value in group.items()}
+    level = values.get("coulomb_friction.level", 0.0)
+    bristles = values.get("lugre_friction.stiffness", 0.0)
+    problems = [
+        f"{place} must be 0 or at least {least:g}"
+        for place, least in LEAST.items()
+        if 0.0 < values.get(place, 0.0) < least
+    ]
+    if bristles > 0.0 and not level > 0.0:
+        problems.append(
+            "lugre_friction needs coulomb_friction.level > 0: its bristles give way at that force"
+        )
+    elif bristles > STIFFEST * level:
+        problems.append(f"lugre_friction.stiffness must be at most {STIFFEST:g} coulomb_friction.level")
+    slowest = values.get("stribeck_friction.level", 0.0) / STIFFEST
+    if values.get("stribeck_friction.speed", 1.0) < slowest:
+        problems.append(f"stribeck_friction.speed must be at least {slowest:g}: its level / {STIFFEST:g}")
+    return "; ".join(problems)

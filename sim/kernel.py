@@ -17,8 +17,8 @@ from sim.compiled import Record, compiled, inlined
 SHARPNESS = 1e-13
 """Events are located to this part of a substep."""
 
-MOST_TRIALS = 100
-"""To locate one event; ten or so are needed."""
+MOST_TRIALS = 20
+"""By regula falsi to locate one event: ten or so are needed; what is still open then is bisected."""
 
 MOST_EVENTS = 10000
 """In one call; any more are no longer located, so that it ends whatever the parameters."""
@@ -92,14 +92,8 @@ def _longest(p: Record, s: Record, t: float) -> float:
 @compiled
 def _substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
     """How far to go now [s], and whether that is the whole of `left`."""
-    opening = abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target))
-    if p.square_root_flow_supply < math.inf and opening > 0.0:
-        drop = 1.0 - abs(s.pressure) / (p.square_root_flow_supply * max(s.supply, physics.VACUUM))
-        soft, speed = physics.LAMINAR + abs(drop), p.K_L * opening
-        rate = max(
-            speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft
-        )  # the slope's; the pressure's own
-        longest = min(longest, 0.5 * p.square_root_flow_supply / (p.omega_n * p.omega_n * rate))
+    if p.square_root_flow_supply < math.inf:
+        longest = min(longest, max(_within_orifice(p, s, longest), 1e-3 * longest))
     if p.lugre_friction_stiffness > 0.0:
         level = p.coulomb_friction_level + 1e-300
         rate = p.lugre_friction_stiffness * abs(s.velocity) / level
@@ -111,6 +105,19 @@ def _substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, 
     if edge < h:
         return edge, False
     return h, pieces <= 1.0
+
+
+@compiled
+def _within_orifice(p: Record, s: Record, longest: float) -> float:
+    """Substep [s] in which the orifice's slope changes little: by its own rate, and by the pressure's."""
+    speed = p.K_L * (abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target)))
+    if speed == 0.0:
+        return longest
+    full = p.square_root_flow_supply
+    soft = physics.LAMINAR + abs(1.0 - abs(s.pressure) / (full * max(s.supply, physics.VACUUM)))
+    rate = max(speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft)
+    quicker = p.omega_n * p.substep / longest
+    return 0.5 * full / (quicker * quicker * rate)
 
 
 @compiled
@@ -201,11 +208,13 @@ def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
     low, high, sharp = 0.0, h, SHARPNESS * h
     at_low, at_high = _event(p, s, z, 0.0), _event(p, s, _step(p, s, z, h), h)
     side = 0
-    for _ in range(MOST_TRIALS):
+    for trial in range(4 * MOST_TRIALS):
         if high - low <= sharp:
             break
         middle = (low * at_high - high * at_low) / (at_high - at_low)
         middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
+        if trial > MOST_TRIALS:
+            middle = 0.5 * (low + high)
         value = _event(p, s, _step(p, s, z, middle), middle)
         if value > 0.0:
             high, at_high = middle, value
@@ -253,6 +262,7 @@ def _stop(p: Record, s: Record) -> None:
     s.stopped = 1.0 if s.position >= p.stop_high else -1.0
     s.position = p.stop_high if s.stopped > 0.0 else p.stop_low
     s.velocity = 0.0
+    s.followed = physics.followed(p, s, s.position)
     s.bristle = 0.0
     if p.load_resonance_inertia == 0.0:
         s.velocity2, s.position2 = 0.0, s.position

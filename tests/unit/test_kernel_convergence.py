@@ -1,4 +1,4 @@
-"""How the kernel's result depends on its substep: the order of the method, across events too; the tolerance."""
+"""The kernel's result and its substep: the order of the method, over events too, and the tolerance."""
 
 from __future__ import annotations
 

@@ -22,9 +22,9 @@ from kernel_cases import (
     stops_of,
 )
 from plant_truth import Plant
-from plant_truth import follow as true_follow
-from plant_truth import ideal_relay as true_ideal_relay
-from plant_truth import sampled_relay as true_sampled_relay
+from truth_runs import follow as true_follow
+from truth_runs import ideal_relay as true_ideal_relay
+from truth_runs import sampled_relay as true_sampled_relay
 
 from sim import runs
 from sim.parameters import parameters
