@@ -82,6 +82,8 @@ def test_pressure_and_temperature_act_row_by_row():
     found = Experiment(hot, t, supply=supply, warmth=warmth, approach=1.0).run_given(np.ones(n))
     speeds = found.y[[0, 3999, 5999, 7999]]
     assert speeds == pytest.approx([17.0, 17.0, 8.5, 8.5 * 1.2], rel=1e-4)
+    back = Experiment(hot, t, supply=supply[::-1], warmth=warmth[::-1], approach=1.0).run_given(np.ones(n))
+    assert back.y[0] == pytest.approx(8.5 * 1.2, rel=1e-4)
 
 
 def test_the_same_seed_makes_the_same_recording():
@@ -91,6 +93,9 @@ def test_the_same_seed_makes_the_same_recording():
 
     np.testing.assert_array_equal(one(5), one(5))
     assert not np.array_equal(one(5), one(6))
+    off = one(5) - Experiment(plant(), ticks(500), seed=5, noise=0.01).run_given(np.zeros(500)).y
+    assert 20 < np.count_nonzero(off) < 90
+    assert np.std(off[off != 0.0]) == pytest.approx(1.0, rel=0.5)
     missing = one(5, missing_samples={"rate": 0.3, "length": 2.0})
     there = np.isfinite(missing)
     assert 50 < np.count_nonzero(~there) < 300
@@ -104,6 +109,15 @@ def test_jitter_is_in_the_samples_and_not_in_their_stamps():
     np.testing.assert_array_equal(found.t, ideal.t)
     late = (found.y - ideal.y)[1000:] / 17.0
     assert late.std() == pytest.approx(1e-4, rel=0.1)
+
+
+def test_noise_and_defects_have_streams_of_their_own():
+    t, u = ticks(4000), np.ones(4000)
+    late = plant(effects={"timing_jitter": {"deviation": 1e-4}})
+    clean = Experiment(plant(), t).run_given(u).y
+    jitter = Experiment(late, t).run_given(u).y - clean
+    noise = Experiment(plant(), t, noise=0.01).run_given(u).y - clean
+    assert abs(np.corrcoef(jitter[1000:], noise[1000:])[0, 1]) < 0.1
 
 
 def test_an_encoder_counts():

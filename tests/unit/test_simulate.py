@@ -20,6 +20,7 @@ from seod.config.load import load_rig, load_text
 from seod.estimate import make_estimator
 from seod.estimate.base import Row
 from seod.paths import configs_dir
+from seod.simulate.view import AxisView
 from seod.simulate.wishes import EXCITATIONS
 
 RIGS = sorted(configs_dir().glob("*.yaml"))
@@ -133,6 +134,7 @@ def test_the_same_seed_makes_the_same_bytes(tmp_path):
     told, packed = one("a.csv.gz", 7)
     assert one("b.csv.gz", 7)[1] == packed
     assert one("c.csv.gz", 8)[1] != packed
+    assert packed[4:8] == bytes(4)  # the time in gzip's header
     assert gzip.decompress(packed) == one("d.csv", 7)[1]
     assert told["seed"] == 7
     assert told["missing"] == sum(
@@ -191,6 +193,7 @@ def test_numbers_are_si_of_the_axis_whatever_the_channels_carry(tmp_path):
     simulate(VIRTUAL, plain, *words, "--effect", "sensor_quantization.step=0")
     told = simulate(scaled, other, *words)
     assert told["truth"]["K_L"] == pytest.approx(17.0, rel=1e-6)
+    assert told["truth"]["small_signal"]["K_L"] == pytest.approx(17.0, rel=1e-6)
     one, two = read(plain), read(other)
     np.testing.assert_allclose(two["u"], one["u"], atol=1e-12)
     np.testing.assert_allclose(two["y"] - two["y"][0], one["y"] - one["y"][0], atol=2e-6)
@@ -200,8 +203,18 @@ def test_numbers_are_si_of_the_axis_whatever_the_channels_carry(tmp_path):
         for path, config in ((plain, VIRTUAL), (other, scaled))
         if simulate(config, path, "--duration", 2, "--noise", 0)
     ]
+    for data in relays:
+        assert np.abs(data["u"][-2000:]) == pytest.approx(0.5)
     periods = [np.diff(data["t"][np.flatnonzero(np.diff(data["u"]) > 0.9)])[4:].mean() for data in relays]
     assert periods[0] == pytest.approx(periods[1], rel=1e-3)
+
+
+def test_no_count_of_an_encoder_is_lost_on_its_way():
+    view = AxisView(load_rig(configs_dir() / "seat-virtual.yaml"), "roll")
+    counts = np.arange(-20_000, 20_000)
+    found = view.readings(counts / 63661.977)
+    np.testing.assert_allclose(np.diff(found), 2.0 * np.pi / 400_000, rtol=1e-6)
+    assert np.isnan(view.readings(np.array([0.0, np.nan, 0.001]))).tolist() == [False, True, False]
 
 
 def test_a_relay_that_would_run_away_is_refused(tmp_path):
