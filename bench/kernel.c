@@ -44,14 +44,19 @@ static double longest_substep(const Plant *p, const State *s, double t) {
   return p->substep / max(1.0, quicker);
 }
 
+static double within_orifice(const Plant *p, const State *s, double longest) {
+  const double speed = p->K_L * (fabs(opening(p, s->spool)) + fabs(opening(p, s->target)));
+  if (speed == 0.0) return longest;
+  const double full = p->square_root_flow_supply;
+  const double soft = LAMINAR + fabs(1.0 - fabs(s->pressure) / (full * max(s->supply, VACUUM)));
+  const double rate = max(speed / sqrt(soft), (speed + fabs(s->velocity)) / soft);
+  const double quicker = p->omega_n * p->substep / longest;
+  return 0.5 * full / (quicker * quicker * rate);
+}
+
 static double substep(const Plant *p, const State *s, double left, double longest, bool *ends) {
-  const double opened = fabs(opening(p, s->spool)) + fabs(opening(p, s->target));
-  if (p->square_root_flow_supply < INFINITY && opened > 0.0) {
-    const double drop = 1.0 - fabs(s->pressure) / (p->square_root_flow_supply * max(s->supply, VACUUM));
-    const double soft = LAMINAR + fabs(drop), speed = p->K_L * opened;
-    const double rate = max(speed / sqrt(soft), (speed + fabs(s->velocity)) / soft);
-    longest = min(longest, 0.5 * p->square_root_flow_supply / (p->omega_n * p->omega_n * rate));
-  }
+  if (p->square_root_flow_supply < INFINITY)
+    longest = min(longest, max(within_orifice(p, s, longest), 1e-3 * longest));
   if (p->lugre_friction_stiffness > 0.0) {
     const double level = p->coulomb_friction_level + 1e-300;
     longest = min(longest, 1.0 / (p->lugre_friction_stiffness * fabs(s->velocity) / level + 1e-300));
@@ -121,9 +126,10 @@ static double locate(const Plant *p, const State *s, const double *z, double h) 
   step(p, s, z, h, then);
   double at_low = event(p, s, z, 0.0), at_high = event(p, s, then, h);
   int side = 0;
-  for (int trial = 0; trial < MOST_TRIALS && high - low > sharp; trial++) {
+  for (int trial = 0; trial < 4 * MOST_TRIALS && high - low > sharp; trial++) {
     double middle = (low * at_high - high * at_low) / (at_high - at_low);
     middle = clip(middle, low + 0.5 * sharp, high - 0.5 * sharp);
+    if (trial > MOST_TRIALS) middle = 0.5 * (low + high);
     step(p, s, z, middle, then);
     const double value = event(p, s, then, middle);
     if (value > 0.0) {
@@ -143,6 +149,7 @@ static void stop(const Plant *p, State *s) {
   s->stopped = s->position >= p->stop_high ? 1.0 : -1.0;
   s->position = s->stopped > 0.0 ? p->stop_high : p->stop_low;
   s->velocity = s->bristle = 0.0;
+  s->followed = followed(p, s, s->position);
   if (p->load_resonance_inertia == 0.0) s->velocity2 = 0.0, s->position2 = s->position;
 }
 
