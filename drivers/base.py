@@ -128,9 +128,12 @@ class Driver(ABC):
     def write(self, t: float, values: Sequence[float]) -> float:
         """Send one value for each output, never blocking; returns when they left, in s, or nan."""
 
-    def left(self) -> float:
-        """When the last write really left, in s, as the hardware confirmed it; nan where it cannot tell."""
-        return math.nan
+    def left(self) -> Sequence[float]:
+        """When each output's last value really left, in s, as the hardware confirmed it; nan before that.
+
+        Empty where the hardware confirms nothing.
+        """
+        return ()
 
     @abstractmethod
     def neutral(self, t: float) -> float:

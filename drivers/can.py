@@ -198,8 +198,8 @@ class CanDriver(Driver):
         self.commands_sent = self._outputs.sent()
         return left
 
-    def left(self) -> float:
-        """When the last command was on the bus [s], once it is confirmed; nan before."""
+    def left(self) -> Sequence[float]:
+        """When each output's last command was on the bus [s], once it is confirmed; nan before."""
         return self._outputs.left()
 
     def close(self) -> None:

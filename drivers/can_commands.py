@@ -27,6 +27,7 @@ class CommandFrame:
         sent: Frames sent so far; the sequence counter goes with it.
         confirmed_at: When the last confirmed frame left [s]; nan before the first.
         waiting: Newest values that could not be sent; None for none.
+        places: Of its signals among the values.
 
     Args:
         codec: Of the DBC.
@@ -61,6 +62,7 @@ class CommandFrame:
         self._codec = codec
         self._name = name
         self._signals = signals
+        self.places = tuple(at for _, at in signals)
         self._echo = echo
 
     def encode(self, values: Sequence[float], counter: int) -> bytes:

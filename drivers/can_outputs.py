@@ -56,6 +56,7 @@ class CanOutputs:
         self._commands = commands
         self._by_id = {(c.message.arbitration_id, c.message.is_extended_id): c for c in commands}
         self._neutral = neutral
+        self._left = [math.nan] * len(neutral)
         self._fixed = fixed
         self._counts = counts
         self._clock = clock
@@ -151,11 +152,14 @@ class CanOutputs:
         """Whether a neutral command found no room."""
         return any(command.waiting is self._neutral for command in self._commands)
 
-    def left(self) -> float:
-        """When the last command was on the bus [s], once all are confirmed; nan before."""
-        if any(command.in_flight for command in self._commands):
-            return math.nan
-        return max((command.confirmed_at for command in self._commands), default=math.nan)
+    def left(self) -> Sequence[float]:
+        """When the last command of each output was on the bus [s], once it is confirmed; nan before."""
+        left = self._left
+        for command in self._commands:
+            at = math.nan if command.in_flight else command.confirmed_at
+            for place in command.places:
+                left[place] = at
+        return left
 
     def sent(self) -> int:
         """Frames sent of the message that has had most."""

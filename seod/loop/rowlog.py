@@ -49,17 +49,19 @@ class RowLog:
         self.tick, self.values = words[Word.TICKS], values
         words[Word.TICKS] = self.tick + 1
 
-    def flush(self, left: float) -> None:
+    def flush(self, left: Sequence[float]) -> None:
         """Publish the kept row.
 
         Args:
-            left: When its command really left, as the hardware confirmed it [s]; nan where it cannot tell.
+            left: When each axis' command really left, as the hardware confirmed it [s]; nan where it has not
+                yet, empty where it cannot tell.
         """
         values = self.values
         if not values:
             return
-        if left >= values[0]:  # a confirmation of an older command says nothing of this one
-            values[T_U::AXIS_VALUES] = [left] * len(self.axes)
+        for axis, t in enumerate(left):
+            if t >= values[0]:  # a confirmation of an older command says nothing of this one
+                values[T_U + axis * AXIS_VALUES] = t
         ring = self.shared.row_ring
         self.shared.row_struct.pack_into(ring.data, ring.next_offset(), self.tick, *values)
         ring.commit()

@@ -258,6 +258,6 @@ class Loop:
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         self.driver.neutral(self.pacer.now())
-        self.log.flush(math.nan)
+        self.log.flush(())
         self.meter.publish_counters()
         self.driver.close()

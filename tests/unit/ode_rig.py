@@ -9,7 +9,6 @@ p is the load pressure. Eliminating p gives Eq. 1 with K_L = q / D, omega_n^2 = 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -105,6 +104,3 @@ class OdeDriver(Driver):
 
     def close(self) -> None:
         self.angles.clear()
-
-    def left(self) -> float:
-        return math.nan

@@ -5,6 +5,7 @@ from __future__ import annotations
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+import math
 import pytest
 
 from seod.estimate import TABLE
@@ -310,3 +311,16 @@ def test_estimates_of_both_axes_are_true_at_once(bench: Callable[..., Axes], ord
         for name in ("omega_n", "zeta"):
             found = median(getattr(e, name) for e in answers)
             assert found == pytest.approx(PLANTS[axis.name][name], rel=0.02), (axis.name, name)
+
+
+def test_each_axis_has_the_time_its_own_command_left(bench: Callable[..., Axes]) -> None:
+    """Two command frames leave one after the other; the second one's echo may come too late for the row."""
+    rig = bench()
+    later = iter([2e-4, math.nan] * 100)
+    rig.driver.left = lambda: [t + dt for t in rig.loop.log.values[:1] for dt in (1e-4, next(later))]  # type: ignore[method-assign] # echoes
+    rig.run(0.05)
+    rig.axis_rows()
+    rig.run(0.05)
+    seen = [[axis["t_u"] - t for axis in axes] for _, t, axes in rig.axis_rows()]
+    assert [first for first, _ in seen] == pytest.approx([1e-4] * 100, abs=1e-9)
+    assert sorted(second for _, second in seen) == pytest.approx([0.0] * 50 + [2e-4] * 50, abs=1e-9)

@@ -316,7 +316,7 @@ def test_rows_are_the_ticks_without_a_gap(bench: Callable[..., Bench]) -> None:
 
 def test_confirmed_time_of_leaving_goes_into_its_own_row(bench: Callable[..., Bench]) -> None:
     rig = bench()
-    rig.driver.left = lambda: rig.loop.log.values[0] + 1e-4 if rig.loop.log.values else math.nan  # type: ignore[method-assign] # an echo
+    rig.driver.left = lambda: [t + 1e-4 for t in rig.loop.log.values[:1]]  # type: ignore[method-assign] # an echo
     rig.run(0.1)
     rows = rig.rows()[110:]
     assert all(r["t_u"] - r["tick_time"] == pytest.approx(1e-4, abs=1e-9) for r in rows)

@@ -142,8 +142,8 @@ def test_only_the_frames_that_are_needed_are_woken_for(rig: Rig) -> None:
 def test_commands_are_confirmed_with_the_time_they_left(rig: Rig) -> None:
     before = time.monotonic()
     rig.tick(1.5)
-    until("the echo", lambda: rig.read() and math.isfinite(rig.driver.left()))
-    assert before <= rig.driver.left() <= time.monotonic()
+    until("the echo", lambda: rig.read() and math.isfinite(*rig.driver.left()))
+    assert before <= rig.driver.left()[0] <= time.monotonic()
     assert rig.commands() == [1.5]
 
 
@@ -315,7 +315,7 @@ def test_fd_frames(tmp_path: Path) -> None:
             )
         )
         until("the frame", lambda: driver.read(time.monotonic())[0].value == 7)
-        assert math.isfinite(driver.left())
+        assert math.isfinite(*driver.left())
         writer = open_neutral(driver.neutral_recipe())
         assert writer.write(0) == ""
         assert len(peer.recv(72)) == 72
