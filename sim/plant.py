@@ -55,8 +55,7 @@ class Plant:
         self._values = self._state.view(np.float64).data
         self._delay = float(record["transport_delay_time"][0])
         self._under_way: deque[tuple[float, float]] = deque()
-        arrive(self._record, self._state, t, 0.0)  # whatever is still to be loaded or compiled is, now
-        look(self._record, self._state, t)
+        _have_compiled(self._record, self._state, t)
 
     def command(self, t: float, volts: float) -> None:
         """A command [V] leaves for the valve at `t` [s]; it arrives after the transport delay."""
@@ -146,6 +145,15 @@ class Plant:
     def shaft(self) -> float:
         """Position behind the backlash, where the sensor sits [unit]."""
         return self._values[_FOLLOWED]
+
+
+def _have_compiled(record: npt.NDArray[np.void], state: npt.NDArray[np.void], t: float) -> None:
+    """Have the entry points now, and never compile one later: a whole number for a float would do that."""
+    arrive(record, state, float(t), 0.0)
+    look(record, state, float(t))
+    for entry in (arrive, look):
+        dispatcher: Any = entry
+        dispatcher.disable_compile()  # such numbers are converted
 
 
 def _clocked(record: Any) -> list[float]:

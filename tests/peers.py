@@ -130,6 +130,19 @@ class Program:
         """All output so far."""
         return self.log.read_text(errors="replace")
 
+    def ready(self) -> Json:
+        """The line of JSON by which `seod rig` tells that it is there."""
+        lines: list[str] = []
+
+        def told() -> bool:
+            lines[:] = [line for line in self.said().splitlines(keepends=True) if line.startswith("{")]
+            return bool(lines and lines[0].endswith("\n")) or self.process.poll() is not None
+
+        until("the rig's ready line", told)
+        assert lines, self.said()
+        facts: Json = json.loads(lines[0])
+        return facts
+
     def wait(self) -> int:
         """Exit code."""
         return self.process.wait(PATIENCE_S)

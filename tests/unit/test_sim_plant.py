@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim import plant as plant_module
 from sim.parameters import parameters
 from sim.plant import Plant
 from tests.unit.linear_plant import LinearPlant
@@ -137,6 +139,15 @@ def test_a_load_that_is_moved_takes_all_along_and_leaves_its_stop() -> None:
     assert found.measured(T + 2.0) == pytest.approx(0.1, abs=0.006)
     found.command(T + 2.0, 0.1)
     assert 0.15 < found.measured(T + 2.1) < 0.35
+
+
+def test_whole_numbers_are_numbers_too_and_nothing_is_compiled_for_them() -> None:
+    found = Plant(parameters(K_L, OMEGA_N, ZETA), 0)
+    found.command(1, 1)
+    found.command(np.float32(1.5), np.int64(1))
+    assert found.measured(2) == pytest.approx(K_L * (1.0 - 2.0 * ZETA / OMEGA_N))
+    entries: list[Any] = [plant_module.arrive, plant_module.look]
+    assert [len(entry.signatures) for entry in entries] == [1, 1]
 
 
 def test_it_follows_pressure_and_temperature() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -105,10 +104,7 @@ def run_daemon(rig: Rpc, config: Path, log_directory: Path) -> Iterator[Bench]:
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rpc]:
     program = Program(tmp_path_factory.mktemp("rig") / "log", "rig", CONFIG)
     try:
-        until(
-            "the rig's ready line", lambda: program.said().count("\n") or program.process.poll() is not None
-        )
-        rpc = Rpc(json.loads(program.said().splitlines()[0])["control_port"])
+        rpc = Rpc(program.ready()["control_port"])
         yield rpc
         rpc.close()
     finally:
