@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-import math
 import pytest
 
 from seod.estimate import TABLE
