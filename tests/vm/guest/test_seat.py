@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from statistics import median
@@ -50,8 +49,7 @@ def seat(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seat]:
     rig = Program(logs / "rig", "rig", CONFIG)
     daemon = Program(logs / "daemon", "run", CONFIG)
     try:
-        until("the rig's ready line", lambda: rig.said().count("\n") or rig.process.poll() is not None)
-        door = Rpc(json.loads(rig.said().splitlines()[0])["control_port"])
+        door = Rpc(rig.ready()["control_port"])
         until("the daemon's port", lambda: port_open(PORT) or daemon.process.poll() is not None)
         client = Rpc(PORT)
         until("both sensors", lambda: client.call("status")["health"]["ticks"] > 20)
