@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from statistics import median
@@ -100,8 +99,7 @@ def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     rig = Program(logs / "rig", "rig", config)
     daemon = Program(logs / "daemon", "run", config)
     try:
-        until("the rig's ready line", lambda: "control_port" in rig.said() or rig.process.poll() is not None)
-        door = Rpc(json.loads(rig.said().splitlines()[-1])["control_port"])
+        door = Rpc(rig.ready()["control_port"])
         until("the daemon's port", lambda: port_open(PORT) or daemon.process.poll() is not None)
         client = Rpc(PORT)
         until("the sensors", lambda: client.call("status")["health"]["ticks"] > 20)
