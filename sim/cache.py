@@ -23,6 +23,7 @@ SOURCES = (
     "plant.py",
     "runs.py",
     "state.py",
+    "substep.py",
 )
 
 

@@ -13,6 +13,7 @@ import math
 
 from sim import physics
 from sim.compiled import Record, compiled, inlined
+from sim.substep import longest_substep, next_substep
 
 SHARPNESS = 1e-13
 """Events are located to this part of a substep."""
@@ -56,9 +57,9 @@ def advance(p: Record, s: Record, t: float) -> None:
     s.passed = 0.0
     if s.velocity * s.motion < 0.0:  # nothing asked for its direction until now
         s.motion = -s.motion
-    events, longest = 0, _longest(p, s, t)
+    events, longest = 0, longest_substep(p, s, t)
     while s.t < t:
-        h, ends = _substep(p, s, t - s.t, longest)
+        h, ends = next_substep(p, s, t - s.t, longest)
         now = (s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged)
         then = _step(p, s, now, h)
         if events > MOST_EVENTS or _event(p, s, then, h) <= 0.0:
@@ -73,66 +74,6 @@ def advance(p: Record, s: Record, t: float) -> None:
             events += 1
             if s.passed != 0.0:
                 break
-
-
-@compiled
-def _longest(p: Record, s: Record, t: float) -> float:
-    """Longest substep until `t` [s]: shorter where drift or pressure have made the plant quicker."""
-    quicker = math.sqrt(physics.stiffness(p, s))
-    rate, thermal = p.parameter_drift_omega_n, p.parameter_drift_omega_n_thermal
-    if rate != 0.0 or thermal != 0.0:
-        quicker *= physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
-    rate, thermal = p.parameter_drift_zeta, p.parameter_drift_zeta_thermal
-    if rate != 0.0 or thermal != 0.0:
-        damping = physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
-        quicker *= max(1.0, damping)
-    return p.substep / max(1.0, quicker)
-
-
-@compiled
-def _substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
-    """How far to go now [s], and whether that is the whole of `left`."""
-    if p.square_root_flow_supply < math.inf:
-        longest = min(longest, max(_within_orifice(p, s, longest), 1e-3 * longest))
-    if p.lugre_friction_stiffness > 0.0:
-        level = p.coulomb_friction_level + 1e-300
-        rate = p.lugre_friction_stiffness * abs(s.velocity) / level
-        longest = min(longest, 1.0 / (rate + 1e-300))
-    longest = max(longest, 1e-9)
-    pieces = math.ceil(left / longest - 1e-9)
-    h = left / pieces if pieces > 1.0 else left
-    edge = _next_edge(p, s)
-    if edge < h:
-        return edge, False
-    return h, pieces <= 1.0
-
-
-@compiled
-def _within_orifice(p: Record, s: Record, longest: float) -> float:
-    """Substep [s] in which the orifice's slope changes little: by its own rate, and by the pressure's."""
-    speed = p.K_L * (abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target)))
-    if speed == 0.0:
-        return longest
-    full = p.square_root_flow_supply
-    soft = physics.LAMINAR + abs(1.0 - abs(s.pressure) / (full * max(s.supply, physics.VACUUM)))
-    rate = max(speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft)
-    quicker = p.omega_n * p.substep / longest
-    return 0.5 * full / (quicker * quicker * rate)
-
-
-@compiled
-def _next_edge(p: Record, s: Record) -> float:
-    """When the spool next passes an edge of its overlap, where the flow has a kink [s]; inf: never."""
-    lag = p.valve_lag_time
-    if lag == 0.0:
-        return math.inf
-    nearest = math.inf
-    for side in (-1.0, 1.0):
-        edge = p.null_shift_voltage + side * p.valve_deadband_half_width
-        before, after = s.spool - s.target, edge - s.target
-        if before * after > 0.0 and abs(after) < abs(before) * (1.0 - 1e-9):
-            nearest = min(nearest, lag * math.log(before / after))
-    return nearest
 
 
 @compiled

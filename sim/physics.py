@@ -142,7 +142,8 @@ def followed(p: Record, s: Record, position: float) -> float:
 @compiled
 def in_contact(p: Record, s: Record) -> bool:
     """Whether the actuator, as it moves, takes along what is behind the backlash."""
-    return s.motion * (s.position - s.followed) >= 0.5 * p.backlash_gap * (1.0 - 1e-9)
+    half, rounding = 0.5 * p.backlash_gap, 1e-15 * abs(s.position)
+    return s.motion * (s.position - s.followed) >= half * (1.0 - 1e-9) - rounding
 
 
 @compiled

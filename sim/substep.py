@@ -1,0 +1,80 @@
+"""How long the kernel's next substep may be, so that the tolerance of `docs/model.md` holds."""
+
+from __future__ import annotations
+
+import math
+
+from sim import physics
+from sim.compiled import Record, compiled
+
+
+@compiled
+def longest_substep(p: Record, s: Record, t: float) -> float:
+    """Longest substep until `t` [s]: shorter where drift or pressure have made the plant quicker."""
+    quicker = math.sqrt(physics.stiffness(p, s))
+    rate, thermal = p.parameter_drift_omega_n, p.parameter_drift_omega_n_thermal
+    if rate != 0.0 or thermal != 0.0:
+        quicker *= physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
+    rate, thermal = p.parameter_drift_zeta, p.parameter_drift_zeta_thermal
+    if rate != 0.0 or thermal != 0.0:
+        damping = physics.drifted(rate, thermal, (t if rate > 0.0 else s.t) - s.origin, s.warmth)
+        quicker *= max(1.0, damping)
+    return p.substep / max(1.0, quicker)
+
+
+@compiled
+def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
+    """How far to go now [s], and whether that is the whole of `left`."""
+    if p.square_root_flow_supply < math.inf:
+        longest = min(longest, max(_within_orifice(p, s, longest), 1e-3 * longest))
+    if p.lugre_friction_stiffness > 0.0:
+        longest = min(longest, _within_bristles(p, s, longest))
+    longest = max(longest, 1e-9)
+    pieces = math.ceil(left / longest - 1e-9)
+    h = left / pieces if pieces > 1.0 else left
+    edge = _next_edge(p, s)
+    if edge < h:
+        return edge, False
+    return h, pieces <= 1.0
+
+
+@compiled
+def _within_orifice(p: Record, s: Record, longest: float) -> float:
+    """Substep [s] in which the orifice's slope changes little: by its own rate, and by the pressure's."""
+    speed = p.K_L * (abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target)))
+    if speed == 0.0:
+        return longest
+    full = p.square_root_flow_supply
+    soft = physics.LAMINAR + abs(1.0 - abs(s.pressure) / (full * max(s.supply, physics.VACUUM)))
+    rate = max(speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft)
+    quicker = p.omega_n * p.substep / longest
+    return 0.5 * full / (quicker * quicker * rate)
+
+
+@compiled
+def _within_bristles(p: Record, s: Record, longest: float) -> float:
+    """Substep [s] in which the load goes no further than the bristles bend, however it is pushed."""
+    ratio, stiff = p.load_resonance_inertia, p.lugre_friction_stiffness / p.coulomb_friction_level
+    coupled = 0.0
+    if ratio > 0.0:
+        coupled = physics.coupling(p, s.velocity, s.position, s.velocity2, s.position2)
+    rise = p.omega_n * p.omega_n * p.K_L * abs(s.target) * longest  # of the pressure, at most
+    push = rise + abs(physics.drive(p, s, s.t, s.pressure, s.position, coupled))
+    push += p.lugre_friction_stiffness * abs(s.bristle) + p.lugre_friction_damping * abs(s.velocity)
+    rate = stiff * abs(s.velocity)
+    return 2.0 / (rate + math.sqrt(rate * rate + 4.0 * stiff * (1.0 + ratio) * push) + 1e-300)
+
+
+@compiled
+def _next_edge(p: Record, s: Record) -> float:
+    """When the spool next passes an edge of its overlap, where the flow has a kink [s]; inf: never."""
+    lag = p.valve_lag_time
+    if lag == 0.0:
+        return math.inf
+    nearest = math.inf
+    for side in (-1.0, 1.0):
+        edge = p.null_shift_voltage + side * p.valve_deadband_half_width
+        before, after = s.spool - s.target, edge - s.target
+        if before * after > 0.0 and abs(after) < abs(before) * (1.0 - 1e-9):
+            nearest = min(nearest, lag * math.log(before / after))
+    return nearest
