@@ -1,9 +1,10 @@
-/* The kernel once more in C, to compare with: sim/kernel.py and sim/runs.py, function by function.
+/* The kernel once more in C, to compare with: sim/kernel.py and sim/runs.py, function by function; the equations
+ * (sim/physics.py) and the choice of substeps (sim/substep.py) are in headers of their own.
  *
  * bench/kernel_in_c.py writes kernel_records.h (the records Plant, State and Relay, all of doubles, and the
  * constants) from the tables of sim/ and compiles this by `cc -O2`. Names, units and reasons are in sim/.
  */
-#include "kernel_physics.h"
+#include "kernel_substep.h"
 
 /* Integration and events: sim/kernel.py */
 
@@ -19,54 +20,6 @@ static double measured(const Plant *p, const State *s) {
 static double quantized(const Plant *p, double value) {
   const double step = p->sensor_quantization_step;
   return step == 0.0 ? value : step * floor(value / step + 0.5);
-}
-
-static double next_edge(const Plant *p, const State *s) {
-  double nearest = INFINITY;
-  if (p->valve_lag_time == 0.0) return nearest;
-  for (double side = -1.0; side <= 1.0; side += 2.0) {
-    const double before = s->spool - s->target;
-    const double after = p->null_shift_voltage + side * p->valve_deadband_half_width - s->target;
-    if (before * after > 0.0 && fabs(after) < fabs(before) * (1.0 - 1e-9))
-      nearest = min(nearest, p->valve_lag_time * log(before / after));
-  }
-  return nearest;
-}
-
-static double longest_substep(const Plant *p, const State *s, double t) {
-  double quicker = sqrt(stiffness(p, s));
-  double rate = p->parameter_drift_omega_n, thermal = p->parameter_drift_omega_n_thermal;
-  if (rate != 0.0 || thermal != 0.0)
-    quicker *= drifted(rate, thermal, (rate > 0.0 ? t : s->t) - s->origin, s->warmth);
-  rate = p->parameter_drift_zeta, thermal = p->parameter_drift_zeta_thermal;
-  if (rate != 0.0 || thermal != 0.0)
-    quicker *= max(1.0, drifted(rate, thermal, (rate > 0.0 ? t : s->t) - s->origin, s->warmth));
-  return p->substep / max(1.0, quicker);
-}
-
-static double within_orifice(const Plant *p, const State *s, double longest) {
-  const double speed = p->K_L * (fabs(opening(p, s->spool)) + fabs(opening(p, s->target)));
-  if (speed == 0.0) return longest;
-  const double full = p->square_root_flow_supply;
-  const double soft = LAMINAR + fabs(1.0 - fabs(s->pressure) / (full * max(s->supply, VACUUM)));
-  const double rate = max(speed / sqrt(soft), (speed + fabs(s->velocity)) / soft);
-  const double quicker = p->omega_n * p->substep / longest;
-  return 0.5 * full / (quicker * quicker * rate);
-}
-
-static double substep(const Plant *p, const State *s, double left, double longest, bool *ends) {
-  if (p->square_root_flow_supply < INFINITY)
-    longest = min(longest, max(within_orifice(p, s, longest), 1e-3 * longest));
-  if (p->lugre_friction_stiffness > 0.0) {
-    const double level = p->coulomb_friction_level + 1e-300;
-    longest = min(longest, 1.0 / (p->lugre_friction_stiffness * fabs(s->velocity) / level + 1e-300));
-  }
-  longest = max(longest, 1e-9);
-  const double pieces = ceil(left / longest - 1e-9);
-  const double h = pieces > 1.0 ? left / pieces : left;
-  const double edge = next_edge(p, s);
-  *ends = edge >= h && pieces <= 1.0;
-  return edge < h ? edge : h;
 }
 
 static void moved(const double *z, const double *k, double h, double *out) {
@@ -184,7 +137,7 @@ static void advance(const Plant *p, State *s, double t) {
   const double longest = longest_substep(p, s, t);
   for (long events = 0; s->t < t;) {
     bool ends;
-    const double h = substep(p, s, t - s->t, longest, &ends);
+    const double h = next_substep(p, s, t - s->t, longest, &ends);
     const double now[STATES] = {s->pressure,  s->velocity, s->position, s->velocity2,
                                 s->position2, s->bristle,  s->lagged};
     double then[STATES];

@@ -18,7 +18,6 @@ from sim.state import STATE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SOURCES = ("kernel.c", "kernel_physics.h")
 CONSTANTS = {
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,

@@ -82,7 +82,8 @@ static double rippled(const Plant *p, double position) {
 }
 
 static bool in_contact(const Plant *p, const State *s) {
-  return s->motion * (s->position - s->followed) >= 0.5 * p->backlash_gap * (1.0 - 1e-9);
+  const double half = 0.5 * p->backlash_gap, rounding = 1e-15 * fabs(s->position);
+  return s->motion * (s->position - s->followed) >= half * (1.0 - 1e-9) - rounding;
 }
 
 static double seen(const Plant *p, const State *s, double position, double velocity) {
