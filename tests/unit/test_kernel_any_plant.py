@@ -61,7 +61,7 @@ def plants(draw):
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     plants(),
     st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=8),

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-from plant_truth import PLACE, Plant
+from plant_laws import PLACE
+
+if TYPE_CHECKING:
+    from plant_truth import Plant
 
 
 def follow(plant: Plant, t_u, u, t, supply=None, warmth=None) -> np.ndarray:

@@ -1,0 +1,95 @@
+"""The laws of the simulated plant as docs/model.md writes them, apart from `sim`; for `plant_truth`."""
+
+from __future__ import annotations
+
+import math
+
+from sim.effects import EFFECTS
+
+SPOOL, ACCELERATION, SPEED, PLACE, SPEED2, PLACE2, BRISTLE, LAGGED = range(8)
+SOFT = 0.01  # epsilon of the orifice
+
+
+def signed_root(drop: float) -> float:
+    return drop * ((1.0 + SOFT**2) / (drop**2 + SOFT**2)) ** 0.25
+
+
+class Effects:
+    """Values by effect and parameter; what is not given is null."""
+
+    def __init__(self, given):
+        self._given = given
+
+    def __call__(self, name: str, parameter: str) -> float:
+        null = next(each.null for each in EFFECTS[name].parameters if each.name == parameter)
+        return self._given.get(name, {}).get(parameter, null)
+
+
+class Laws:
+    """Of a plant with these effects; `w` is a state, in the order of the numbers above."""
+
+    def __init__(self, K_L, omega_n, zeta, effects, start):
+        self.K_L, self.omega_n, self.zeta, self.start = K_L, omega_n, zeta, start
+        self.of = Effects(effects or {})
+        self.inertia = self.of("load_resonance", "inertia")
+        self.supply, self.warmth = 1.0, 0.0
+
+    def spring(self, y):
+        centre = self.of("load_spring", "centre")
+        return self.of("load_bias", "acceleration") + self.of("load_spring", "stiffness") * (y - centre)
+
+    def load(self, t, y):
+        of = self.of
+        angle = of("periodic_disturbance", "omega") * (t - self.start) + of("periodic_disturbance", "phase")
+        return self.spring(y) - of("periodic_disturbance", "amplitude") * math.sin(angle)
+
+    def drifted(self, t):
+        def factor(name):
+            slow = self.of("parameter_drift", name) * (t - self.start)
+            return max(0.05, 1.0 + slow + self.of("parameter_drift", name + "_thermal") * self.warmth)
+
+        return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
+
+    def opening(self, spool, side):
+        """Of the branch `side` of the overlap: -1, 0, 1."""
+        e = spool - self.of("null_shift", "voltage")
+        beyond = (e - side * self.of("valve_deadband", "half_width")) * abs(side)
+        return beyond * (1.0 + side * self.of("asymmetric_gain", "ratio"))
+
+    def flow(self, gain, opened, side, acceleration):
+        full = self.of("square_root_flow", "supply")
+        if math.isinf(full):
+            return gain * opened
+        drop = 1.0 - side * acceleration / (full * self.supply)
+        return gain * opened * math.sqrt(self.supply) * signed_root(drop)
+
+    def friction(self, v, direction):
+        bump = self.of("stribeck_friction", "level")
+        bump *= math.exp(-((v / self.of("stribeck_friction", "speed")) ** 2))
+        return direction * (self.of("coulomb_friction", "level") + bump)
+
+    def bristle_rate(self, v, z):
+        return v - self.of("lugre_friction", "stiffness") * abs(v) * z / self.friction(v, 1.0)
+
+    def coupling(self, w):
+        """Acceleration of the second inertia."""
+        if not self.inertia:
+            return 0.0
+        omega, zeta = self.of("load_resonance", "omega"), self.of("load_resonance", "zeta")
+        spring = omega**2 * (w[PLACE] - w[PLACE2])
+        return spring + 2.0 * zeta * omega * (w[SPEED] - w[SPEED2])
+
+    def drive(self, t, w):
+        """What the first inertia would be accelerated by without friction, over 1 + inertia."""
+        drawn = self.inertia / (1.0 + self.inertia) * self.coupling(w)
+        return w[ACCELERATION] - self.load(t, w[PLACE]) - drawn
+
+    def encoder(self, y):
+        of = self.of
+        angle = of("position_ripple", "wavenumber") * y + of("position_ripple", "phase")
+        return y + of("position_ripple", "amplitude") * math.sin(angle)
+
+    def encoder_slope(self, y):
+        of = self.of
+        k = of("position_ripple", "wavenumber")
+        return 1.0 + of("position_ripple", "amplitude") * k * math.cos(k * y + of("position_ripple", "phase"))
