@@ -92,3 +92,9 @@ def test_a_state_of_the_sources_has_a_folder_of_its_own(
     assert cache.cache_folder() == before
     (copies / "physics.py").write_text("changed")
     assert cache.cache_folder() != before
+
+
+def test_every_module_with_machine_code_is_one_of_the_sources() -> None:
+    modules = Path(cache.__file__).parent.glob("*.py")
+    compiled_ones = {each.name for each in modules if "from sim.compiled import" in each.read_text()}
+    assert {"kernel.py", "plant.py"} <= compiled_ones <= set(cache.SOURCES)
