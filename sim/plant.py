@@ -71,10 +71,13 @@ class Plant:
 
     def measured(self, t: float) -> float:
         """What the sensor sees at `t` [s], before noise and quantisation [unit, or unit/s]."""
+        if self._under_way:
+            self._deliver(t)
+        return look(self._record, self._state, t)
+
+    def _deliver(self, t: float) -> None:
         while self._under_way and self._under_way[0][0] <= t:
             arrive(self._record, self._state, *self._under_way.popleft())
-        seen: float = look(self._record, self._state, t)
-        return seen
 
     def change(self, t: float, record: npt.NDArray[np.void]) -> None:
         """Have other parameters from `t` [s] on; the movement goes on from where it is.
