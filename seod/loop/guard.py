@@ -154,6 +154,8 @@ class AxisGuard:
             return None
         if self.swing is None:
             self.swing = SwingMeter(t)
+        if growth_counts and not self.swing.watched:
+            self.swing.watch_growth()
         swing = self.swing.update(t, y)
         if swing > self.limits.amplitude:
             return Trip(
@@ -161,8 +163,8 @@ class AxisGuard:
                 f"{self.name}: amplitude {swing:.4g} is over limits.amplitude {self.limits.amplitude:.4g}",
                 {"amplitude": swing, "limit": self.limits.amplitude},
             )
-        growth = self.swing.growth if growth_counts else 1.0
-        if growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
+        growth = self.swing.growth
+        if self.swing.watched and growth > self.limits.growth and swing > 0.1 * self.limits.amplitude:
             return Trip(
                 "amplitude_growth",
                 f"{self.name}: the oscillation grew {growth:.3g} times within a few periods; "

@@ -43,6 +43,7 @@ class SwingMeter:
         self.turns = 0
         self.growth = 1.0
         """Swing of the newest whole block over that of the oldest kept one; 1 until there are enough."""
+        self.watched = False
 
     def update(self, t: float, y: float) -> float:
         """Take one sample; half the peak-to-peak movement over about the last second [axis unit]."""
@@ -59,6 +60,15 @@ class SwingMeter:
         low = self.low if self.low < self.kept_low else self.kept_low
         high = self.high if self.high > self.kept_high else self.kept_high
         return 0.5 * (high - low)
+
+    def watch_growth(self) -> None:
+        """Judge growth by what comes from now on: before, the oscillation only came to its amplitude."""
+        self.watched = True
+        self.kept_low, self.kept_high = min(self.kept_low, self.low), max(self.kept_high, self.high)
+        self.blocks.clear()
+        self.growth = 1.0
+        self.low, self.high = math.inf, -math.inf
+        self.turns = 0
 
     def _end_block(self, t: float) -> None:
         self.blocks.append((self.low, self.high))

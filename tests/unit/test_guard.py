@@ -140,6 +140,15 @@ def test_speed_is_that_of_the_window(window: float) -> None:
     assert speeds[2] == 0.0  # no window yet: one noisy step is not a speed
 
 
+def test_the_way_to_the_amplitude_is_no_growth() -> None:
+    judge, codes = axis_guard(speed=1e3), []
+    for t, y in sine(0.15, 3.0, 6.0):
+        y *= min(1.0, 0.05 + t)  # it takes a second to get there
+        trip = judge.inspect(t, Sample(y, t), y, y, True, t > 1.0)
+        codes.append(trip and trip.code)
+    assert set(codes) == {None}
+
+
 def test_a_movement_while_the_axis_was_idle_is_no_speed_of_the_next_start() -> None:
     judge = axis_guard(travel=(-2.0, 2.0))
     at_rest = [(k * 1e-3, 1.4) for k in range(20)]
