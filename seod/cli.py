@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seod import PROTOCOL, __version__
+from seod import PROTOCOL, __version__, data_commands
 from seod.client import DEFAULT_HOST, DEFAULT_PORT, Client, ClientError
 from seod.config.errors import ConfigErrors
 
@@ -115,7 +115,8 @@ def run(
     path: ConfigPath,
     duration: Duration = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record all rows to this CSV file.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Record to this .mcap file, or rows to .csv."),
     ] = None,
     start: Annotated[bool, typer.Option("--start", help="Excite all axes at once.")] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show live estimates.")] = False,
@@ -338,6 +339,10 @@ def ramp(
         procedure.run(client, axis, low, high, steps, plot, as_json)
     except CalibrationError as error:
         raise CommandError(str(error)) from error
+
+
+app.command()(data_commands.info)
+app.command()(data_commands.export)
 
 
 def main() -> None:
