@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 from seod.config.model import RigConfig
 from seod.estimate import make_estimator
 from seod.gateway.hub import Hub
-from seod.gateway.record import CsvRecorder
 from seod.gateway.rig import Rig
 from seod.gateway.server import Server, ServerError
 from seod.gateway.service import Service
 from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
+from seod.record.opening import Recorder, open_recorder
 from seod.ring import Shared, Word
 
 if TYPE_CHECKING:
@@ -41,20 +41,20 @@ class Gateway:
         config: The rig file.
         shared: The memory shared with the loop.
         link: Socket to the supervisor.
-        base: Folder of the rig file.
+        rig_file: The rig file; paths in it start from its folder.
         record: File to record to, or None.
     """
 
     def __init__(
-        self, config: RigConfig, shared: Shared, link: socket.socket, base: Path, record: Path | None
+        self, config: RigConfig, shared: Shared, link: socket.socket, rig_file: Path, record: Path | None
     ) -> None:
         self._link = link
         self._ended = asyncio.Event()
         hub = Hub()
-        recorder = None if record is None else open_recorder(record, list(config.axes))
+        recorder = None if record is None else start_recording(record, config, rig_file)
         clock = clock_of(config, shared)
         self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recorder)
-        self.server = Server(config.server, base, Service(config.server, self.rig, hub), hub)
+        self.server = Server(config.server, rig_file.parent, Service(config.server, self.rig, hub), hub)
         self.rig.clients = self.server.clients
 
     def end(self) -> None:
@@ -95,16 +95,24 @@ class Gateway:
         send_json(self._link, {"op": "restart_loop"})
 
 
-def open_recorder(path: Path, axes: list[str]) -> CsvRecorder:
+def start_recording(path: Path, config: RigConfig, rig_file: Path) -> Recorder:
     """Start recording.
 
     Raises:
         GatewayError: The file cannot be had.
     """
     try:
-        return CsvRecorder(path, axes)
+        return open_recorder(path, config, text_of(rig_file, config))
     except OSError as error:
         raise GatewayError(f"cannot record to {path}: {error.strerror or error}") from error
+
+
+def text_of(rig_file: Path, config: RigConfig) -> str:
+    """The rig file; where it was taken away meanwhile, what was read of it."""
+    try:
+        return rig_file.read_text("utf-8-sig")
+    except OSError:
+        return config.model_dump_json(indent=1)
 
 
 def clock_of(config: RigConfig, shared: Shared) -> Callable[[], float]:
@@ -130,7 +138,7 @@ async def serve(arguments: ChildArguments, link: socket.socket) -> None:
     shared = Shared(arguments.axes, arguments.rows, arguments.shared_fd)
     record = None if arguments.record is None else Path(arguments.record)
     try:
-        gateway = Gateway(config, shared, link, Path(arguments.config_path).parent, record)
+        gateway = Gateway(config, shared, link, Path(arguments.config_path), record)
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, gateway.end)
         await gateway.run()

@@ -12,8 +12,9 @@ from seod.config.truth import truth
 from seod.gateway.estimation import Axis, message, sample_message
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
-from seod.gateway.record import WAITING_ROWS, CsvRecorder
 from seod.gateway.rows import RowReader
+from seod.record.layout import ESTIMATES, EVENTS, HEALTH
+from seod.record.recorder import WAITING_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimate, Estimator, EstimatorSettings
     from seod.gateway.estimation import RowTuple
     from seod.gateway.hub import Hub
+    from seod.record.opening import Recorder
     from seod.ring import Shared
 
     Event = dict[str, Any]
@@ -46,7 +48,7 @@ class Rig:
         make: Makes an estimator.
         clock: Time of the rows [s]: CLOCK_MONOTONIC, or simulated time.
         restart_loop: Asks the supervisor for a new loop process.
-        recorder: Takes all rows, or None.
+        recorder: Takes all rows, estimates and events, and health; or None.
     """
 
     def __init__(
@@ -57,7 +59,7 @@ class Rig:
         make: Callable[[EstimatorSettings], Estimator],
         clock: Callable[[], float],
         restart_loop: Callable[[], None],
-        recorder: CsvRecorder | None = None,
+        recorder: Recorder | None = None,
     ) -> None:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
@@ -96,8 +98,7 @@ class Rig:
         self._note_recorder()
         if now >= self._next_health:
             self._next_health = now + HEALTH_S
-            self._health.measure(now)
-            self._hub.publish("health", None, now, self.health)
+            self._publish_health(now)
         self._hub.flush()
 
     def _held_back(self) -> bool:
@@ -180,12 +181,25 @@ class Rig:
             self._warn("recording", error or "recording goes on")
 
     def _publish_event(self, event: Event) -> None:
+        self._note(EVENTS, event["t"], event)
         self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
+
+    def _publish_health(self, now: float) -> None:
+        self._health.measure(now)
+        health = self.health()
+        self._note(HEALTH, now, health)
+        self._hub.publish("health", None, now, lambda: health)
+
+    def _note(self, topic: str, t: float, params: dict[str, Any]) -> None:
+        if self._recorder is not None:
+            self._recorder.note(topic, t, params)
 
     def _publish_sample(self, axis: str, tick: int, row: RowTuple) -> None:
         self._hub.publish("sample", axis, row[0], lambda: sample_message(axis, tick, row))
 
     def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
+        if self._recorder is not None:
+            self._recorder.note(ESTIMATES + axis, estimate.t, message(axis, estimate, self.now()))
         self._hub.publish("estimate", axis, estimate.t, lambda: message(axis, estimate, self.now()))
 
     def _publish_newest(self, axis: Axis) -> None:

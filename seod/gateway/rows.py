@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.ring import AXIS_FIELDS, Word
+from seod.record.layout import row_dtype
+from seod.ring import Word
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,12 +16,6 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 1024
 """Most rows taken at once, so that catching up never holds up the clients."""
-
-
-def row_dtype(axes: int) -> np.dtype[np.void]:
-    """`Shared.row_struct` as a structured type: tick, tick_t [s], and one `axes` record for each axis."""
-    axis = [(name, "<f8") for name in AXIS_FIELDS] + [("state", "<i8"), ("flags", "<i8")]
-    return np.dtype([("tick", "<i8"), ("tick_t", "<f8"), ("axes", axis, (axes,))])
 
 
 class RowReader:

@@ -1,10 +1,10 @@
 """What an MCAP recording holds, for who writes and who reads it.
 
-Profile `seod`; metadata record `seod` (version, protocol, rig, started, clock, clock_offset_ns, file), attachment
-`rig.yaml`. Channels:
+Profile `seod`; metadata record `seod` (version, protocol, rig, started, clock, clock_offset_ns, part);
+attachments `rig.yaml` (the rig file) and `rig.json` (as it was read, in SI). Channels:
 
-- `/rows/<axis>`: one message a tick, CDR by the schema `ROW_SCHEMA` ("ros2msg"): every message has the bytes of
-  `ROW`, so `decode` is one look at memory and all digits are kept. Undefined is nan.
+- `/rows/<axis>`: one message a tick, CDR by the schema `ROW_SCHEMA` ("ros2msg"): every message has the bytes
+  of `ROW`, so that `decode` is one look at memory and all digits are kept. Undefined is nan.
 - `/estimates/<axis>`, `/events`, `/health`, `/counters`: JSON as on the TCP stream. Undefined is null.
 
 Times in messages are CLOCK_MONOTONIC [s]. `log_time` [ns] is `t_tick` (of JSON messages `t`) plus
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 PROFILE: Final = "seod"
 RIG_FILE: Final = "rig.yaml"
-"""Name of the attachment."""
+RIG: Final = "rig.json"
+"""Names of the attachments."""
 ROWS: Final = "/rows/"
 ESTIMATES: Final = "/estimates/"
 EVENTS: Final = "/events"
@@ -79,7 +80,7 @@ ROW_SCHEMA: Final = "\n".join(
         "int64 tick",
         "float64 t_tick  # s, when the tick began",
         "float64 age  # s, of the sample at that time",
-        *[f"float64 {name}  # {UNITS[name]}" for name in AXIS_FIELDS],
+        *[f"float64 {name.lower()}  # {UNITS[name]}" for name in AXIS_FIELDS],  # ROS knows no capitals
         "uint8 state",
         "uint8 flags",
         "",
@@ -88,7 +89,7 @@ ROW_SCHEMA: Final = "\n".join(
 
 
 def row_dtype(axes: int) -> np.dtype[np.void]:
-    """`seod.ring.Shared.row_struct` as a structured type: tick, tick_t [s], one `axes` record for each axis."""
+    """`seod.ring.Shared.row_struct` as a dtype: tick, tick_t [s], one `axes` record for each axis."""
     axis = [(name, "<f8") for name in AXIS_FIELDS] + [("state", "<i8"), ("flags", "<i8")]
     return np.dtype([("tick", "<i8"), ("tick_t", "<f8"), ("axes", axis, (axes,))])
 
