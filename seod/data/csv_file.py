@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from seod.data.source import Values
 
 _SAMPLE_BYTES = 1 << 16
+_RIGHT = {
+    ".": "a number with a decimal point, or nothing",
+    ",": "a number with a decimal comma, or nothing",
+    "": "a number, or nothing",
+}
 _CUT_OFF = (OSError, EOFError, zlib.error)
 """What a damaged or cut-off gzip file raises."""
 
@@ -125,7 +130,7 @@ class CsvSource:
         column = self._dialect.columns[index]
         if column.text:
             return np.array(cells, object)
-        if self._dialect.decimal == "." and index not in self._dialect.dates:
+        if self._dialect.decimal != "," and index not in self._dialect.dates:
             try:
                 return np.array(list(map(float, cells)))
             except ValueError:  # some are empty, or something else
@@ -137,13 +142,16 @@ class CsvSource:
         value = number(cell, dialect.decimal)
         if index in dialect.dates and (value is None or not math.isnan(value)):
             value = date(cell)
+        if value is None and index in dialect.empty:
+            self.remarks.append(
+                Remark(
+                    "unread", f"row {row}: column {dialect.columns[index].name!r}: text {cell!r} is left out"
+                )
+            )
+            return math.nan
         if value is None:
             where = place(self.path, row, dialect.columns[index].name)
-            right = (
-                "a date"
-                if index in dialect.dates
-                else f"a number with decimal {dialect.decimal!r}, or nothing"
-            )
+            right = "a date" if index in dialect.dates else _RIGHT[dialect.decimal]
             raise ReadError(f"{where}: {cell!r} is no number; expected {right}")
         return value
 

@@ -10,11 +10,16 @@ import codecs
 import csv
 import math
 import re
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from typing import TYPE_CHECKING
 
 from seod.data.source import Column, ReadError
 from seod.data.units import is_unit_cell, split_header, unit_of_cell
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 COMMENTS = ("#", "%", "//")
 _TRIED = (
@@ -46,10 +51,11 @@ class Dialect:
     Attributes:
         encoding: Python's name of it.
         separator: Between cells; a space stands for any white space.
-        decimal: `.` or `,`.
+        decimal: `.` or `,`, "" if the beginning does not tell.
         columns: Those of the header; numbered from 1 if there is none.
         first: Line of the first row of values, from 1.
         dates: Indices of columns that hold dates.
+        empty: Indices of columns that have no value yet.
     """
 
     encoding: str
@@ -57,7 +63,8 @@ class Dialect:
     decimal: str
     columns: tuple[Column, ...]
     first: int
-    dates: frozenset[int]
+    dates: frozenset[int] = frozenset()
+    empty: frozenset[int] = frozenset()
 
 
 def encoding_of(data: bytes) -> str:
@@ -85,9 +92,9 @@ def is_comment(line: str) -> bool:
 
 def number(cell: str, decimal: str) -> float | None:
     """A cell's number, nan where a word says that there is none; None if it is something else."""
-    if decimal == ",":
-        if "." in cell:
-            return None
+    if decimal == "," and "." in cell:
+        return None
+    if decimal != ".":
         cell = cell.replace(",", ".")
     if _NUMBER.fullmatch(cell):
         return float(cell)
@@ -103,29 +110,30 @@ def date(cell: str) -> float | None:
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 
-def _counts(line: str, separator: str, decimal: str) -> tuple[int, int]:
-    """Cells of a line, and how many of them are numbers."""
-    found = cells(line, separator)
-    known = (number(cell, decimal) is not None and cell.strip().lower() not in MISSING for cell in found)
-    return len(found), sum(known)
+def _is_number(cell: str, decimal: str) -> bool:
+    value = number(cell, decimal)
+    return value is not None and not math.isnan(value)
 
 
 def _score(lines: list[str], separator: str, decimal: str) -> tuple[float, int]:
-    """Part of the cells that are numbers, and how many a line; (0, 0) where lines differ in length."""
-    counts = [_counts(line, separator, decimal) for line in lines]
-    widths = {width for width, _ in counts}
-    width = max(widths)
-    numbers = sum(found for _, found in counts)
-    if len(widths) > 1 or width < 2 or not numbers:
-        return 0.0, 0
-    return numbers / (width * len(counts)), width
+    """Numbers in rows of the best width, as part of the cells of all rows with any; and that width, or 0."""
+    numbers: Counter[int] = Counter()
+    total = 0
+    for line in lines:
+        row = cells(line, separator)
+        found = sum(_is_number(cell, decimal) for cell in row)
+        numbers[len(row)] += found
+        total += len(row) if found else 0
+    width = max((width for width in numbers if width > 1), key=lambda width: numbers[width], default=0)
+    return (numbers[width] / total, width) if numbers[width] else (0.0, 0)
 
 
-def _best(lines: list[str]) -> tuple[str, str]:
-    """Separator and decimal mark that make the most of these lines."""
+def _best(lines: list[str]) -> tuple[str, str, int]:
+    """Separator, decimal mark ("" if it can be either) and width that make the most of these lines."""
     scores = {tried: _score(lines, *tried) for tried in _TRIED}
-    best = max(_TRIED, key=lambda tried: scores[tried])
-    return best if scores[best][1] else ("", "")
+    separator, decimal = best = max(_TRIED, key=lambda tried: scores[tried])
+    either = scores[best] == scores.get((separator, "," if decimal == "." else "."))
+    return separator, "" if either else decimal, scores[best][1]
 
 
 def detect(data: bytes, path: str, complete: bool) -> Dialect:
@@ -140,66 +148,58 @@ def detect(data: bytes, path: str, complete: bool) -> Dialect:
         ReadError: No table of numbers in it.
     """
     encoding = encoding_of(data)
-    text = codecs.getincrementaldecoder(encoding)().decode(data, final=complete)
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(data, final=complete)
+    except UnicodeDecodeError as error:
+        raise ReadError(f"{path}: is no text: {error}") from error
     lines = text.splitlines()
     if not complete and len(lines) > 1:
         lines.pop()
     numbered = [(at, line) for at, line in enumerate(lines, 1) if not is_comment(line)]
     if not numbered:
         raise ReadError(f"{path}: is empty; expected a header line and rows of numbers")
-    separator, decimal = _settle(numbered)
-    if not separator:
+    separator, decimal, width = _best([line for _, line in numbered[-_LOOKED_AT:]])
+    rows = [(at, row) for at, line in numbered if len(row := cells(line, separator)) == width]
+    found = _with_header(rows, Dialect(encoding, separator, decimal, (), 0)) if width else None
+    if found is None:
         raise ReadError(
             f"{path}: no table of numbers in it: expected a header line and rows of at least two cells, "
             "separated by commas, semicolons, tabs or spaces"
         )
-    return _with_header(numbered, encoding, separator, decimal)
+    return found
 
 
-def _settle(numbered: list[tuple[int, str]]) -> tuple[str, str]:
-    """By the last lines; of a short file by fewer and fewer, for the first of them may be header."""
-    count = min(_LOOKED_AT, len(numbered))
-    while count:
-        separator, decimal = _best([line for _, line in numbered[-count:]])
-        if separator:
-            return separator, decimal
-        count //= 2
-    return "", ""
-
-
-def _with_header(numbered: list[tuple[int, str]], encoding: str, separator: str, decimal: str) -> Dialect:
-    rows = [(at, cells(line, separator)) for at, line in numbered]
-    last = rows[-1][1]
+def _with_header(rows: list[tuple[int, list[str]]], found: Dialect) -> Dialect | None:
+    """Complete a dialect by its rows of the right width and their lines; None if none of them has values."""
+    columns = list(zip(*(row for _, row in rows[-_LOOKED_AT:]), strict=True))
     numeric = [
-        index
-        for index in range(len(last))
-        if any(
-            number(row[index], decimal) == number(row[index], decimal) is not None
-            for _, row in rows[-_LOOKED_AT:]
-            if len(row) == len(last)
-        )
+        k for k, column in enumerate(columns) if any(_is_number(cell, found.decimal) for cell in column)
     ]
     dates = frozenset(
-        index for index, cell in enumerate(last) if index not in numeric and date(cell) is not None
+        k for k, column in enumerate(columns) if k not in numeric and date(column[-1]) is not None
     )
-    begin = len(rows)
-    while begin and _is_values(rows[begin - 1][1], len(last), numeric, decimal):
-        begin -= 1
-    above = [row for _, row in rows[:begin] if len(row) == len(last)]
-    columns = _columns(above, len(last), numeric, dates)
-    return Dialect(encoding, separator, decimal, columns, rows[begin][0], dates)
+    begin = next((k for k, (_, row) in enumerate(rows) if _is_values(row, numeric, found.decimal)), None)
+    if begin is None:
+        return None
+    values = zip(*(row for _, row in rows[begin:][-_LOOKED_AT:]), strict=True)
+    numbers = [k for k, column in enumerate(values) if k in numeric or k in dates or _is_empty(column)]
+    names = _columns([row for _, row in rows[:begin]], len(columns), numbers, dates)
+    empty = frozenset(numbers) - frozenset(numeric) - dates
+    return replace(found, columns=names, first=rows[begin][0], dates=dates, empty=empty)
 
 
-def _is_values(row: list[str], width: int, numeric: list[int], decimal: str) -> bool:
+def _is_empty(column: Sequence[str]) -> bool:
+    return all(cell.strip().lower() in MISSING for cell in column)
+
+
+def _is_values(row: list[str], numeric: list[int], decimal: str) -> bool:
     """Whether a row has numbers, or words for none, where numbers belong; and at least one number."""
-    if len(row) != width:
-        return False
     found = [number(row[index], decimal) for index in numeric]
-    return None not in found and not all(value is None or math.isnan(value) for value in found)
+    return None not in found and any(_is_number(row[index], decimal) for index in numeric)
 
 
 def _columns(
-    above: list[list[str]], width: int, numeric: list[int], dates: frozenset[int]
+    above: list[list[str]], width: int, numbers: list[int], dates: frozenset[int]
 ) -> tuple[Column, ...]:
     names, units = [str(index + 1) for index in range(width)], [""] * width
     if above:
@@ -210,6 +210,6 @@ def _columns(
         if has_units:
             units = [unit or unit_of_cell(cell) for unit, cell in zip(units, above[-1], strict=True)]
     return tuple(
-        Column(name, "s" if index in dates else unit, index not in numeric and index not in dates)
+        Column(name, "s" if index in dates else unit, index not in numbers)
         for index, (name, unit) in enumerate(zip(names, units, strict=True))
     )

@@ -99,6 +99,6 @@ def _runs(mask: Rows) -> tuple[Rows, Rows]:
 
 
 def _fast(steps: Floats, start: int, end: int, least: float) -> bool:
-    """Whether the steps into and out of a run, as far as there are any, are at least `least`."""
-    around = [steps[k] for k in (start - 1, end - 1) if 0 <= k < len(steps)]
-    return bool(around) and min(around) >= least
+    """Whether the two steps before a run and the two behind it reach `least`; rest at an end is no clipping."""
+    before, behind = steps[max(0, start - 2) : start], steps[end - 1 : end + 1]
+    return bool(len(before) and len(behind) and min(before.max(), behind.max()) >= least)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from seod.text import number
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from seod.data.source import Floats
     from seod.data.summary import ColumnSummary, Envelope, GroupSummary, Summary
@@ -131,10 +133,9 @@ def plot(summary: Summary, to: Path) -> None:
     figure.savefig(to, format="png", dpi=110)
 
 
-def _abscissa(group: GroupSummary, column: ColumnSummary) -> tuple[Floats, str]:
+def _abscissa(group: GroupSummary, column: ColumnSummary) -> tuple[NDArray[Any], str]:
     """Time in the middle of each stretch, or the row where there is no time."""
     time = next((each for each in group.columns if each.column.name == group.time), None)
     if time is None or len(time.envelope.low) != len(column.envelope.low):
-        return np.arange(len(column.envelope.low)) * float(column.envelope.rows), "row"
-    middle: Floats = 0.5 * (time.envelope.low + time.envelope.high)
-    return middle, _title(time)
+        return np.arange(len(column.envelope.low)) * column.envelope.rows, "row"
+    return 0.5 * (time.envelope.low + time.envelope.high), _title(time)
