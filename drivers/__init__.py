@@ -10,6 +10,7 @@ from drivers.base import Driver, DriverError
 
 TABLE: dict[str, tuple[str, str]] = {
     "can": ("drivers.can", "CanDriver"),
+    "replay": ("drivers.replay", "ReplayDriver"),
     "virtual": ("drivers.virtual", "VirtualDriver"),
 }
 """Built-in drivers: kind -> (module, class)."""

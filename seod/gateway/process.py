@@ -22,6 +22,7 @@ from seod.gateway.service import Service
 from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
 from seod.record.opening import Recorder, open_recorder
 from seod.ring import Shared, Word
+from seod.settings import on_clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -116,8 +117,8 @@ def text_of(rig_file: Path, config: RigConfig) -> str:
 
 
 def clock_of(config: RigConfig, shared: Shared) -> Callable[[], float]:
-    """The clock of the rows: simulated time passes with the ticks, real time is CLOCK_MONOTONIC."""
-    if config.driver.get("realtime") is False:
+    """The clock of the rows: simulated and recorded time pass with the ticks, else it is CLOCK_MONOTONIC."""
+    if not on_clock(config):
         return lambda: shared.floats[Word.TICK_TIME_D]
     return time.monotonic
 

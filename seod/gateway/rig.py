@@ -84,11 +84,12 @@ class Rig:
 
     def poll(self) -> None:
         """Take events and rows, publish what they bring."""
+        head = self._reader.head  # what is written after it may come after an event that was not yet seen
         for event in self._events():
             self._on_event(event)
         self._hub.flush()  # what happened comes before what was measured since
         now = self.now()
-        rows = None if self._held_back() else self._reader.take()
+        rows = None if self._held_back() else self._reader.take(head)
         if rows is not None and len(rows):
             self._last_rows = now
             self.mailbox.rows_come()
@@ -126,6 +127,8 @@ class Rig:
             axis.enter(event["t"], event["state"])
         elif kind == "changed" and axis is not None:
             axis.change(event["values"])
+        elif kind == "warning" and event["code"] == "rows_lost":  # in a recording that is replayed
+            self._interrupt()
         self._publish_event(event)
 
     def _on_started(self, event: Event) -> None:
@@ -140,9 +143,9 @@ class Rig:
             self._publish_newest(self.axes[name])
 
     def _on_rows(self, rows: NDArray[np.void]) -> None:
+        self._note_lost()
         if self._recorder is not None:
             self._recorder.add(rows)
-        self._note_lost()
         ticks = rows["tick"].tolist()
         for index, axis in enumerate(self.axes.values()):
             block: list[RowTuple] = rows["axes"][:, index].tolist()
@@ -164,9 +167,12 @@ class Rig:
         lost = self._reader.lost - self._rows_lost
         if lost:
             self._rows_lost += lost
-            for axis in self.axes.values():
-                axis.interrupted()
+            self._interrupt()
             self._warn("rows_lost", f"{lost} rows were overwritten before the gateway could take them")
+
+    def _interrupt(self) -> None:
+        for axis in self.axes.values():
+            axis.interrupted()
 
     def _note_silence(self) -> None:
         for axis in self.axes.values():

@@ -38,10 +38,20 @@ class RowReader:
         """A new loop process begins: its ticks may count from anywhere."""
         self._last_tick = -1
 
-    def take(self) -> NDArray[np.void]:
-        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,)."""
+    @property
+    def head(self) -> int:
+        """Rows that the loop has written so far."""
+        head: int = self._ring.head[0]
+        return head
+
+    def take(self, upto: int | None = None) -> NDArray[np.void]:
+        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,).
+
+        Args:
+            upto: An earlier `head`: rows that came later are left for the next call.
+        """
         tail, head = self._ring.pending()
-        head = min(head, tail + MAX_ROWS)
+        head = min(head if upto is None else max(upto, tail), tail + MAX_ROWS)
         rows = self._slots[np.arange(tail, head) % len(self._slots)]
         self._ring.tail = head
         self._words[Word.CONSUMED] = head

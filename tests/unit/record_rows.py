@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,11 @@ from mcap.stream_reader import StreamReader
 
 from seod.record.layout import decode, row_dtype
 from seod.record.mcap_file import About
+from seod.record.series import Note, Rotation, Series
 from seod.ring import FLAG_FRESH, AxisState
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
 OFFSET_NS = 1_700_000_000_123_456_789
@@ -33,10 +36,26 @@ def rows(count: int, axes: int = 1, first: int = 0) -> np.ndarray:
         table["axes"][name] = random.normal(size=(count, axes))
     table["axes"]["t"] = table["tick_t"][:, None] - 1e-4 / 3.0
     table["axes"]["t_u"] = table["tick_t"][:, None] + 1e-4 / 7.0
-    table["axes"]["ps"] = np.nan
+    table["axes"]["ps"] = 1.0
+    table["axes"]["temperature"] = np.nan
     table["axes"]["state"] = AxisState.EXCITING
     table["axes"]["flags"] = FLAG_FRESH
     return table
+
+
+RIG = {
+    "sensors": {"s": {"channel": "angle"}, "p": {"channel": "pressure"}},
+    "outputs": {"v": {"channel": "valve"}},
+    "axes": {"motor": {"sensor": "s", "output": "v", "supply_pressure": "p"}},
+}
+
+
+def write_recording(path: Path, table: np.ndarray, events: Sequence[Note] = (), rig: Any = RIG) -> None:
+    """A recording of one axis: the events, then the rows."""
+    told = dataclasses.replace(about(), rig_json=json.dumps(rig))
+    series = Series(path, told, Rotation(), dict, 0.0)
+    series.put([*events, table], 0.0)
+    series.finish(0.0)
 
 
 class Content:
