@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import defaultdict
 from typing import IO, TYPE_CHECKING, Any
 
 from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
@@ -15,7 +16,17 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Chunk, Footer, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from seod.data.mcap_rows import ROWS_GROUP, JsonRows, TickRows, flat, rows_group, schema_columns
+from seod.data.mcap_rows import (
+    LOG_TIME,
+    MORE,
+    ROWS_GROUP,
+    Fields,
+    JsonRows,
+    TickRows,
+    flat,
+    rows_group,
+    schema_columns,
+)
 from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark
 from seod.record.layout import PROFILE, ROWS
 
@@ -23,7 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-LOG_TIME = "log_time"
+_EXPLORED_BYTES = 1 << 23
+"""How far into a file that has a summary the fields of JSON messages are looked for."""
 _CUT_OFF = (EndOfFile, struct.error, UnicodeDecodeError)
 
 
@@ -42,7 +54,7 @@ class McapSource:
         self._size = max(1, path.stat().st_size)
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
-        self._first: dict[int, Mapping[str, Any]] = {}
+        self._fields: dict[int, Fields] = defaultdict(Fields)
         self._profile = ""
         self.notes: Mapping[str, str] = {}
         self._explore()
@@ -75,10 +87,10 @@ class McapSource:
     def _rows(self, group: Group, names: Sequence[str]) -> TickRows | JsonRows:
         if group.name == ROWS_GROUP:
             return TickRows(group, names, self.path, self._axes)
-        return JsonRows(group, names, self.path)
+        return JsonRows(group, names)
 
     def _explore(self) -> None:
-        """Channels from the summary; else, or where schemas name no fields, from the whole file."""
+        """Channels from the summary, fields from the beginning; both from the whole file if it has no summary."""
         with self.path.open("rb") as file:
             try:
                 summary = make_reader(file).get_summary()
@@ -86,13 +98,14 @@ class McapSource:
                 summary = None
             if summary is not None:
                 self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
-            known = summary is not None and all(map(self._is_known, self._channels.values()))
             file.seek(0)
-            for record in self._records(file, stop_at_data=known):
-                if isinstance(record, Message) and record.channel_id not in self._first:
-                    self._first[record.channel_id] = self._content(record)
+            for record in self._records(file):
+                if isinstance(record, Message):
+                    self._fields[record.channel_id].see(self._content(record))
+                if summary is not None and file.tell() > _EXPLORED_BYTES:
+                    return
 
-    def _records(self, file: IO[bytes], stop_at_data: bool = False) -> Iterator[object]:
+    def _records(self, file: IO[bytes]) -> Iterator[object]:
         """All records, those in chunks too, as far as the file is whole; keeps what describes it."""
         reader = StreamReader(file, emit_chunks=True).records
         while True:
@@ -105,8 +118,6 @@ class McapSource:
                 return
             except McapError as error:
                 raise ReadError(f"{self.path}: {error}") from error
-            if stop_at_data and isinstance(record, Chunk | Message):
-                return
             for each in self._unpacked(record):
                 self._keep(each)
                 yield each
@@ -152,10 +163,6 @@ class McapSource:
     def _is_rows(self, channel: Channel) -> bool:
         return self._profile == PROFILE and channel.topic.startswith(ROWS)
 
-    def _is_known(self, channel: Channel) -> bool:
-        """Whether its columns are known without its messages."""
-        return channel.message_encoding != "json" or bool(self._schema_columns(channel))
-
     def _group_of(self, record: Message) -> str:
         channel = self._channels[record.channel_id]
         return ROWS_GROUP if self._is_rows(channel) else channel.topic
@@ -167,21 +174,16 @@ class McapSource:
             if self._is_rows(channel):
                 continue
             if channel.message_encoding == "json":
-                columns = (Column(LOG_TIME, "s"), *self._columns(channel))
+                columns = (Column(LOG_TIME, "s"), *self._columns(channel), Column(MORE, text=True))
                 yield Group(channel.topic, columns, LOG_TIME, main=self._profile != PROFILE)
             else:
                 message = f"{channel.topic}: messages are {channel.message_encoding}, only json is read"
                 self.remarks.append(Remark("unread", message))
 
-    def _schema_columns(self, channel: Channel) -> list[Column]:
-        schema = self._schemas.get(channel.schema_id)
-        return schema_columns(schema.data) if schema is not None and schema.encoding == "jsonschema" else []
-
     def _columns(self, channel: Channel) -> list[Column]:
-        """By the schema, else by the first message."""
-        first = self._first.get(channel.id, {})
-        own = [Column(name, "", isinstance(value, str)) for name, value in first.items() if name != LOG_TIME]
-        return self._schema_columns(channel) or own
+        schema = self._schemas.get(channel.schema_id)
+        told = schema_columns(schema.data) if schema is not None and schema.encoding == "jsonschema" else []
+        return self._fields[channel.id].columns(told)
 
     def _content(self, record: Message) -> dict[str, Any]:
         channel = self._channels[record.channel_id]
@@ -192,4 +194,4 @@ class McapSource:
         except ValueError as error:
             raise ReadError(f"{self.path}: {channel.topic}: message {record.sequence}: {error}") from error
         own = flat(content if isinstance(content, dict) else {"value": content})
-        return {LOG_TIME: record.log_time * 1e-9, **own}
+        return {**own, LOG_TIME: record.log_time * 1e-9}

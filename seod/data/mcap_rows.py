@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from seod.data.source import Values
 
 ROWS_GROUP = "rows"
+LOG_TIME = "log_time"
+MORE = "more"
 _OF_AXIS = (*AXIS_FIELDS, "age", "state", "flags")
 _STATES = {int(state): state.name.lower() for state in AxisState}
 
@@ -114,11 +116,30 @@ class TickRows:
         return values
 
 
-class JsonRows:
-    """JSON messages of one channel."""
+class Fields:
+    """What the JSON messages of one channel are made of, as far as they were seen."""
 
-    def __init__(self, group: Group, names: Sequence[str], path: Path) -> None:
-        self._group, self._names, self._path = group, names, path
+    def __init__(self) -> None:
+        self._text: dict[str, bool] = {}
+
+    def see(self, content: Mapping[str, Any]) -> None:
+        """One message."""
+        for name, value in content.items():
+            self._text[name] = isinstance(value, str) or self._text.get(name, False)
+
+    def columns(self, told: Sequence[Column]) -> list[Column]:
+        """The columns that a schema tells, and those that were seen besides."""
+        known = {column.name for column in told}
+        seen = [Column(name, "", text) for name, text in self._text.items() if name not in known]
+        return [*told, *(column for column in seen if column.name not in (LOG_TIME, MORE))]
+
+
+class JsonRows:
+    """JSON messages of one channel; what has no column is JSON in the column `MORE`."""
+
+    def __init__(self, group: Group, names: Sequence[str]) -> None:
+        self._group, self._names = group, names
+        self._text = {column.name: column.text for column in group.columns}
         self._waiting: list[dict[str, Any]] = []
         self._before = 0
 
@@ -127,26 +148,26 @@ class JsonRows:
 
     def add(self, content: dict[str, Any]) -> None:
         """One message."""
-        self._waiting.append(content)
+        more = {name: value for name, value in content.items() if not self._has_place(name, value)}
+        self._waiting.append({**content, MORE: json.dumps(more) if more else ""})
 
     def block(self, done: float) -> Block:
         """All of them, and begin anew."""
         rows = np.arange(self._before + 1, self._before + 1 + len(self._waiting))
-        values = {
-            name: self._values(name, [each.get(name) for each in self._waiting]) for name in self._names
-        }
+        values = {name: self._values(name) for name in self._names}
         self._before += len(self._waiting)
         self._waiting = []
         return Block(self._group, values, rows, done)
 
-    def _values(self, name: str, found: list[Any]) -> Values:
-        column = self._group.column(name)
-        if column is not None and column.text:
+    def _has_place(self, name: str, value: Any) -> bool:
+        return value is None or (name in self._text and (self._text[name] or isinstance(value, float | int)))
+
+    def _values(self, name: str) -> Values:
+        found = [each.get(name) for each in self._waiting]
+        if self._text[name]:
             return np.array(["" if value is None else str(value) for value in found], object)
-        for row, value in enumerate(found, self._before + 1):
-            if not isinstance(value, float | int | None):
-                raise ReadError(f"{place(self._path, row, name)}: {value!r} is no number")
-        return np.array(found, np.float64)  # None becomes nan
+        # None becomes nan
+        return np.array([value if isinstance(value, float | int) else None for value in found], np.float64)
 
 
 def flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.data.source import Values
+
+
+_DAMAGED = (ValueError, OSError, KeyError, IndexError, TypeError, AttributeError, EOFError, struct.error)
+"""What asammdf raises where a file is cut off or damaged."""
+
+_HEAD_BYTES = 228
+"""Identification and header of either version."""
 
 
 class MdfSource:
@@ -33,9 +41,12 @@ class MdfSource:
             raise needs_extra(path, "asammdf", "mdf") from error
         self.path = path
         self.remarks: list[Remark] = []
+        _check_head(path)
+        self._file = path.open("rb")  # ours, for asammdf leaves it open where it fails
         try:
-            self._mdf: Any = MDF(path)
-        except (MdfException, ValueError, OSError, KeyError, IndexError) as error:
+            self._mdf: Any = MDF(self._file)
+        except (MdfException, *_DAMAGED) as error:
+            self._file.close()
             raise ReadError(f"{path}: is no whole MDF file: {error}") from error
         self._indices: dict[str, tuple[int, dict[str, int]]] = {}
         self.groups: tuple[Group, ...] = tuple(
@@ -49,6 +60,7 @@ class MdfSource:
     def close(self) -> None:
         """Close the file."""
         self._mdf.close()
+        self._file.close()
 
     def blocks(self, wanted: Mapping[str, Sequence[str]]) -> Iterator[Block]:
         """As `Source`."""
@@ -99,6 +111,14 @@ class MdfSource:
         if signal.invalidation_bits is not None:
             values[np.asarray(signal.invalidation_bits, bool)] = np.nan
         return values
+
+
+def _check_head(path: Path) -> None:
+    """Refuse what asammdf could only refuse with complaints of its destructor."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    if len(head) < _HEAD_BYTES or head[64:66] not in (b"##", b"HD"):
+        raise ReadError(f"{path}: is no whole MDF file: its header is missing")
 
 
 def _plain(comment: str) -> str:

@@ -99,6 +99,6 @@ def _runs(mask: Rows) -> tuple[Rows, Rows]:
 
 
 def _fast(steps: Floats, start: int, end: int, least: float) -> bool:
-    """Whether the two steps before a run and the two behind it reach `least`; rest at an end is no clipping."""
+    """Whether the two steps before a run and those behind it reach `least`; rest at an end does not count."""
     before, behind = steps[max(0, start - 2) : start], steps[end - 1 : end + 1]
     return bool(len(before) and len(behind) and min(before.max(), behind.max()) >= least)

@@ -40,7 +40,7 @@ def as_text(summary: Summary) -> str:
 def _group(each: GroupSummary) -> list[str]:
     name = f"{each.group.name}: " if each.group.name else ""
     lines = [f"{name}{each.count} rows{_times(each)}"]
-    if not each.count:
+    if not each.count or not each.group.main:  # of notes it is enough to say that they are there
         return lines
     widest = max(len(_title(column)) for column in each.columns)
     return lines + [f"  {_title(column):<{widest}}  {_values(column)}" for column in each.columns]
@@ -50,7 +50,7 @@ def _times(each: GroupSummary) -> str:
     clock = each.clock
     if each.time is None or not clock.count:
         return ", no column is known as time"
-    text = f", {each.time} from {clock.first:.6g} to {clock.last:.6g} s ({clock.last - clock.first:.6g} s)"
+    text = f", {each.time} from {clock.first:.10g} to {clock.last:.10g} s ({clock.last - clock.first:.6g} s)"
     if clock.count > 1:
         text += f", {number(clock.rate_hz)} Hz, intervals {clock.shortest:.3g} to {clock.longest:.3g} s"
         text += f", {clock.gaps} gaps" if clock.gaps else ""
@@ -64,7 +64,9 @@ def _title(each: ColumnSummary) -> str:
 def _values(each: ColumnSummary) -> str:
     missing = f", {each.missing} missing" if each.missing else ""
     if each.column.text:
-        words = [word for word in each.words if word][:WORDS]
+        words = [word if len(word) <= PICTURE else f"{word[:PICTURE]} ..." for word in each.words if word][
+            :WORDS
+        ]
         return ", ".join(words) + (", ..." if len(each.words) > WORDS else "") + missing
     if math.isnan(each.low):
         return "empty"

@@ -198,7 +198,7 @@ def tables(draw):
     return rows, separator, decimal
 
 
-@settings(max_examples=100)
+@settings(max_examples=100, deadline=None)
 @given(table=tables(), talk=st.sampled_from(["", "# a comment\n", "Logger\n\n"]))
 def test_any_table_is_found_and_every_digit_kept(table, talk, tmp_path_factory):
     rows, separator, decimal = table
@@ -215,6 +215,7 @@ def test_any_table_is_found_and_every_digit_kept(table, talk, tmp_path_factory):
     assert not remarks
 
 
+@settings(deadline=None)  # readers are imported when a file begins like theirs
 @given(data=st.binary(max_size=400))
 def test_any_bytes_are_a_table_or_a_plain_error(data, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "bytes.csv"
@@ -223,6 +224,7 @@ def test_any_bytes_are_a_table_or_a_plain_error(data, tmp_path_factory):
         read(path)
 
 
+@settings(deadline=None)
 @given(text=st.text("0123456789.,;-+eE \tnan\n\"'#", max_size=200))
 def test_any_text_is_a_table_or_a_plain_error(text, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "text.csv"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.data import ReadError, read
@@ -149,6 +149,7 @@ def test_gaps_and_uneven_sampling(tmp_path):
     assert "uneven" in rows_of(clock.problems())
 
 
+@settings(deadline=None)
 @given(
     t=st.lists(st.one_of(st.integers(0, 20).map(float), st.just(float("nan"))), max_size=30),
     cuts=st.lists(st.integers(0, 30), max_size=4),
