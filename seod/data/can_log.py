@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".blf", ".asc", ".log", ".trc")
 _DAMAGED = (ValueError, IndexError, OSError, EOFError, KeyError, struct.error, zlib.error)
 """What python-can's readers raise where a file is cut off or damaged."""
+_BLF_HEAD_BYTES = 144
 TIME = "timestamp"
 """Name of the column of the frames' times [s]."""
 
@@ -51,6 +52,8 @@ class CanSource:
         self.groups: tuple[Group, ...] = tuple(self._groups.values())
         self.notes: Mapping[str, str] = {"dbc": str(dbc)}
         self._size = max(1, path.stat().st_size)
+        if path.suffix.lower() == ".blf" and self._size < _BLF_HEAD_BYTES:
+            raise ReadError(f"{path}: is no CAN log of this kind: its header is missing")
 
     def close(self) -> None:
         """Nothing stays open."""
@@ -83,6 +86,8 @@ class CanSource:
                     done = _position(file) / self._size if frames % BLOCK_ROWS == 0 else 0.0
                     frames += 1
                     yield frame, min(1.0, done)
+                if getattr(log, "file_size", 0) > self._size:  # python-can does not say so of a BLF
+                    self.remarks.append(Remark("truncated", f"the end after {frames} frames is missing"))
         except NotImplementedError as error:
             raise needs_extra(self.path, "asammdf", "mdf") from error
         except _DAMAGED as error:

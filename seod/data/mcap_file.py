@@ -90,7 +90,7 @@ class McapSource:
         return JsonRows(group, names)
 
     def _explore(self) -> None:
-        """Channels from the summary, fields from the beginning; both from the whole file if it has no summary."""
+        """Channels by the summary, fields by the beginning; both by the whole file if it has no summary."""
         with self.path.open("rb") as file:
             try:
                 summary = make_reader(file).get_summary()
