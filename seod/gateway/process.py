@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 from seod.config.model import RigConfig
 from seod.estimate import make_estimator
 from seod.gateway.hub import Hub
+from seod.gateway.recording import Recording
 from seod.gateway.rig import Rig
 from seod.gateway.server import Server, ServerError
 from seod.gateway.service import Service
 from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
-from seod.record.opening import Recorder, open_recorder
+from seod.record.opening import BusLogError, open_bus_log, open_recorder
 from seod.ring import Shared, Word
 from seod.settings import on_clock
 
@@ -52,9 +53,9 @@ class Gateway:
         self._link = link
         self._ended = asyncio.Event()
         hub = Hub()
-        recorder = None if record is None else start_recording(record, config, rig_file)
+        recording = start_recording(record, config, rig_file)
         clock = clock_of(config, shared)
-        self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recorder)
+        self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recording)
         self.server = Server(config.server, rig_file.parent, Service(config.server, self.rig, hub), hub)
         self.rig.clients = self.server.clients
 
@@ -96,23 +97,29 @@ class Gateway:
         send_json(self._link, {"op": "restart_loop"})
 
 
-def start_recording(path: Path, config: RigConfig, rig_file: Path) -> Recorder:
-    """Start recording.
+def start_recording(path: Path | None, config: RigConfig, rig_file: Path) -> Recording:
+    """Start recording to a file, if one is given, and logging the bus, if the rig file asks for it.
 
     Raises:
-        GatewayError: The file cannot be had.
+        GatewayError: A file, or the bus, cannot be had.
     """
     try:
-        return open_recorder(path, config, text_of(rig_file, config))
+        bus_log = open_bus_log(config, rig_file.parent)
+    except BusLogError as error:
+        raise GatewayError(str(error)) from error
+    try:
+        recorder = None if path is None else open_recorder(path, config, text_of(rig_file, config))
     except OSError as error:
+        Recording(bus_log=bus_log).close()
         raise GatewayError(f"cannot record to {path}: {error.strerror or error}") from error
+    return Recording(recorder, bus_log)
 
 
 def text_of(rig_file: Path, config: RigConfig) -> str:
     """The rig file; where it was taken away meanwhile, what was read of it."""
     try:
         return rig_file.read_text("utf-8-sig")
-    except OSError:
+    except (OSError, UnicodeDecodeError):
         return config.model_dump_json(indent=1)
 
 

@@ -12,6 +12,7 @@ from seod.config.truth import truth
 from seod.gateway.estimation import Axis, message, sample_message
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
+from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH
 from seod.record.recorder import WAITING_ROWS
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimate, Estimator, EstimatorSettings
     from seod.gateway.estimation import RowTuple
     from seod.gateway.hub import Hub
-    from seod.record.opening import Recorder
     from seod.ring import Shared
 
     Event = dict[str, Any]
@@ -48,7 +48,7 @@ class Rig:
         make: Makes an estimator.
         clock: Time of the rows [s]: CLOCK_MONOTONIC, or simulated time.
         restart_loop: Asks the supervisor for a new loop process.
-        recorder: Takes all rows, estimates and events, and health; or None.
+        recording: Takes all rows, estimates and events, and health.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Rig:
         make: Callable[[EstimatorSettings], Estimator],
         clock: Callable[[], float],
         restart_loop: Callable[[], None],
-        recorder: Recorder | None = None,
+        recording: Recording | None = None,
     ) -> None:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
@@ -74,8 +74,7 @@ class Rig:
         self._truth = truth(config) or None
         self._shared = shared
         self._hub = hub
-        self._recorder = recorder
-        self._record_error = ""
+        self._recording = recording or Recording()
         self._reader = RowReader(shared)
         self._rows_lost = 0
         self._health = Health(shared)
@@ -96,7 +95,8 @@ class Rig:
             self._on_rows(rows)
         elif now - self._last_rows > SILENCE_S:
             self._note_silence()
-        self._note_recorder()
+        for news in self._recording.news():
+            self._warn("recording", news)
         if now >= self._next_health:
             self._next_health = now + HEALTH_S
             self._publish_health(now)
@@ -104,9 +104,8 @@ class Rig:
 
     def _held_back(self) -> bool:
         """Simulated time waits for who takes its rows, so that the recorder can be waited for as well."""
-        if self._recorder is None or self._config.driver.get("realtime") is not False:
-            return False
-        return self._recorder.waiting > WAITING_ROWS // 2
+        fast = self._config.driver.get("realtime") is False
+        return fast and self._recording.waiting > WAITING_ROWS // 2
 
     def _events(self) -> Iterator[Event]:
         try:
@@ -144,8 +143,7 @@ class Rig:
 
     def _on_rows(self, rows: NDArray[np.void]) -> None:
         self._note_lost()
-        if self._recorder is not None:
-            self._recorder.add(rows)
+        self._recording.add(rows)
         ticks = rows["tick"].tolist()
         for index, axis in enumerate(self.axes.values()):
             block: list[RowTuple] = rows["axes"][:, index].tolist()
@@ -180,33 +178,23 @@ class Rig:
                 axis.stale = True
                 self._publish_newest(axis)
 
-    def _note_recorder(self) -> None:
-        error = "" if self._recorder is None else self._recorder.error
-        if error != self._record_error:
-            self._record_error = error
-            self._warn("recording", error or "recording goes on")
-
     def _publish_event(self, event: Event) -> None:
-        self._note(EVENTS, event["t"], event)
+        self._recording.note(EVENTS, event["t"], event)
         self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
 
     def _publish_health(self, now: float) -> None:
         self._health.measure(now)
         health = self.health()
-        self._note(HEALTH, now, health)
+        self._recording.note(HEALTH, now, health)
         self._hub.publish("health", None, now, lambda: health)
-
-    def _note(self, topic: str, t: float, params: dict[str, Any]) -> None:
-        if self._recorder is not None:
-            self._recorder.note(topic, t, params)
 
     def _publish_sample(self, axis: str, tick: int, row: RowTuple) -> None:
         self._hub.publish("sample", axis, row[0], lambda: sample_message(axis, tick, row))
 
     def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
-        if self._recorder is not None:
-            self._recorder.note(ESTIMATES + axis, estimate.t, message(axis, estimate, self.now()))
-        self._hub.publish("estimate", axis, estimate.t, lambda: message(axis, estimate, self.now()))
+        params = message(axis, estimate, self.now())
+        self._recording.note(ESTIMATES + axis, estimate.t, params)
+        self._hub.publish("estimate", axis, estimate.t, lambda: params)
 
     def _publish_newest(self, axis: Axis) -> None:
         newest = axis.newest(self.now())
@@ -286,7 +274,7 @@ class Rig:
             "rows_lost": self._reader.lost,
             "events_lost": self._shared.events.lost,
             "clients": self.clients(),
-            "recorder": None if self._recorder is None else self._recorder.report(),
+            **self._recording.report(),
             "realtime": self._realtime(),
         }
 
@@ -294,5 +282,4 @@ class Rig:
         """Take the last rows, end the recording, let go of the memory."""
         self.poll()
         self._reader.close()
-        if self._recorder is not None:
-            self._recorder.close()
+        self._recording.close()

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seod.config.model import RigConfig
+    from seod.record.bus import BusLog
+
+
+class BusLogError(Exception):
+    """The bus cannot be logged; the message says why."""
 
 
 class Recorder(Protocol):
@@ -63,3 +68,23 @@ def open_recorder(path: Path, config: RigConfig, rig_text: str) -> Recorder:
     about = About(config.rig, axes, rig_text, config.model_dump_json(), time.time(), offset_ns)
     size = None if config.record.max_megabytes is None else config.record.max_megabytes * 1e6
     return McapRecorder(path, about, Rotation(size, config.record.max_time))
+
+
+def open_bus_log(config: RigConfig, directory: Path) -> BusLog | None:
+    """Start logging the bus, if the rig file asks for it.
+
+    Args:
+        config: The rig file as it was read.
+        directory: Its folder.
+
+    Raises:
+        BusLogError: There is no bus, or bus or file cannot be had.
+    """
+    if config.record.bus_log is None:
+        return None
+    if config.driver["kind"] != "can":
+        raise BusLogError(f"record.bus_log: driver kind {config.driver['kind']} has no bus: leave it out")
+    from drivers.can_config import CanOptions  # noqa: PLC0415 - python-can only where there is a bus
+    from seod.record.bus import BusLog  # noqa: PLC0415
+
+    return BusLog(directory / config.record.bus_log, CanOptions.model_validate(config.driver))

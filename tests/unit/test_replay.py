@@ -18,6 +18,7 @@ from seod.estimate import make_estimator
 from seod.gateway.estimation import Axis
 from seod.gateway.hub import Hub
 from seod.gateway.process import clock_of
+from seod.gateway.recording import Recording
 from seod.gateway.rig import Rig
 from seod.loop.replay import Replay
 from seod.record.layout import ESTIMATES, EVENTS
@@ -61,7 +62,9 @@ class Notes:
 
 
 def gateway(config: RigConfig, shared: Shared, recorder: Recorder) -> Rig:
-    return Rig(config, shared, Hub(), make_estimator, clock_of(config, shared), lambda: None, recorder)
+    return Rig(
+        config, shared, Hub(), make_estimator, clock_of(config, shared), lambda: None, Recording(recorder)
+    )
 
 
 def estimates(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
