@@ -59,13 +59,9 @@ def export(
         OSError: It cannot be written.
     """
     chosen = _chosen(source, groups)
-    done = Exported()
     files = _files(out, kind, chosen)
     for path in files:
-        if path.exists() and not overwrite:
-            raise ReadError(f"{path}: exists; `--force` replaces it")
-        if path.exists() and path.samefile(source.path):
-            raise ReadError(f"{path}: is the recording itself; `--out FILE` names another")
+        _check(path, source, overwrite)
     with ExitStack() as stack:
         writers: dict[str, Writer] = {}
         for path, own in files.items():
@@ -74,12 +70,26 @@ def export(
         wanted = {group.name: [column.name for column in group.columns] for group in chosen}
         for block in shown(source.blocks(wanted), source.path.name):
             writers[block.group.name].write(block)
-    done.files = list(files)
     left_out = sum(writer.left_out for writer in set(writers.values()))
-    done.said = [remark.message for remark in dict.fromkeys(source.remarks)] + _others(source, chosen)
-    if left_out:
-        done.said.append(f"{left_out} rows without a time are left out")
-    return done
+    return Exported(list(files), [*_said(source, chosen), *_left_out(left_out)])
+
+
+def _check(path: Path, source: Source, overwrite: bool) -> None:
+    if path.resolve() == source.path.resolve():
+        raise ReadError(f"{path}: is the recording itself; `--out FILE` names another")
+    if path.exists() and not overwrite:
+        raise ReadError(f"{path}: exists; `--force` replaces it")
+
+
+def _said(source: Source, chosen: Sequence[Group]) -> list[str]:
+    """What the reader noticed, and what else is in the file."""
+    others = [group.name for group in source.groups if group not in chosen]
+    more = [f"also in it, `--group NAME` exports it: {', '.join(others)}"] if others else []
+    return [remark.message for remark in dict.fromkeys(source.remarks)] + more
+
+
+def _left_out(rows: int) -> list[str]:
+    return [f"{rows} rows without a time are left out"] if rows else []
 
 
 def _chosen(source: Source, names: Sequence[str]) -> list[Group]:
@@ -90,12 +100,6 @@ def _chosen(source: Source, names: Sequence[str]) -> list[Group]:
         if name not in known:
             raise ReadError(f"{source.path}: no group {name!r}; there is {', '.join(map(repr, known))}")
     return [known[name] for name in dict.fromkeys(names)]
-
-
-def _others(source: Source, chosen: Sequence[Group]) -> list[str]:
-    """What else is in the file."""
-    others = [group.name for group in source.groups if group not in chosen]
-    return [f"also in it, `--group NAME` exports it: {', '.join(others)}"] if others else []
 
 
 def _files(out: Path, kind: str, chosen: Sequence[Group]) -> dict[Path, list[Group]]:
@@ -127,6 +131,5 @@ def _writing(path: Path, kind: str, groups: Sequence[Group], source: Source) -> 
 
 def default_path(path: Path, kind: str) -> Path:
     """Beside the recording, with the format's suffix: `run.csv.gz` to `run.mat`."""
-    return path.with_name(path.name.removesuffix(".gz").removesuffix(path.suffix) or path.name).with_suffix(
-        SUFFIXES[kind]
-    )
+    whole = path.with_name(path.name.removesuffix(".gz"))
+    return whole.with_name(whole.stem + SUFFIXES[kind])
