@@ -91,9 +91,17 @@ def parts(path: Path) -> list[Path]:
     started = beginning(path).facts["started"]
     while True:
         following = path.with_suffix(f".{len(found) + 1:04}{path.suffix}")
-        if not following.is_file() or beginning(following).facts["started"] != started:
+        if not following.is_file() or _started(following) != started:
             return found
         found.append(following)
+
+
+def _started(path: Path) -> str | None:
+    """When the recording was begun; None for a file that was cut off before it said so."""
+    try:
+        return beginning(path).facts["started"]
+    except RecordingError:
+        return None
 
 
 def items(path: Path, axes: Sequence[str]) -> Iterator[Item]:

@@ -257,6 +257,7 @@ def test_a_damaged_chunk_is_left_out(tmp_path: Path) -> None:
 def test_the_parts_of_a_recording_follow_each_other(tmp_path: Path) -> None:
     for name, first in (("a.mcap", 0), ("a.0002.mcap", 10), ("a.0003.mcap", 20)):
         write_recording(tmp_path / name, rows(10, first=first))
+    (tmp_path / "a.0004.mcap").write_bytes(b"")  # the power went off just then
     assert len(parts(tmp_path / "a.mcap")) == 3
     found = np.concatenate(list(items(tmp_path / "a.mcap", ["motor"])))
     assert found["tick"].tolist() == list(range(30))
