@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from seod.data.source import Values
 
+_VALUE_STARTS = frozenset("0123456789-+.")
+"""A line that begins so needs no closer look: it is no comment."""
 _SAMPLE_BYTES = 1 << 16
 _RIGHT = {
     ".": "a number with a decimal point, or nothing",
@@ -99,11 +101,12 @@ class CsvSource:
 
     def _batch(self, rows: Iterator[list[str]], lines: _Lines) -> tuple[list[int], list[list[str]]]:
         """The next rows and their lines."""
+        width = len(self._dialect.columns)
         at: list[int] = []
         batch: list[list[str]] = []
         try:
             for row in islice(rows, BLOCK_ROWS):
-                if self._fits(row, lines):
+                if len(row) == width or self._fits(row, lines):
                     at.append(lines.line)
                     batch.append(row)
         except _CUT_OFF as error:
@@ -117,10 +120,8 @@ class CsvSource:
         return at, batch
 
     def _fits(self, row: list[str], lines: _Lines) -> bool:
-        """Whether a row is whole; the last one may be cut off."""
+        """Refuse a row of another width; the last one may be cut off."""
         width = len(self._dialect.columns)
-        if len(row) == width:
-            return True
         if len(row) < width and not lines.whole:
             self.remarks.append(Remark("truncated", f"row {lines.line} is cut off and left out"))
             return False
@@ -175,7 +176,7 @@ class _Lines:
     def __iter__(self) -> Iterator[str]:
         for line in self._text:
             self.line += 1
-            if self.line >= self._first and not is_comment(line):
+            if self.line >= self._first and (line[0] in _VALUE_STARTS or not is_comment(line)):
                 self.whole = line.endswith(("\n", "\r"))
                 yield line
         self.ended = True
