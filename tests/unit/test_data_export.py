@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from typer.testing import CliRunner
 from seod.cli import app
 from seod.data import ReadError, open_source, read
 from seod.data.export import default_path, export
+from seod.data.progress import shown
 from seod.data.show import as_text, picture
 from seod.data.source import Column, Group, Table
 from seod.data.summary import Envelope, summarize
@@ -321,3 +324,24 @@ def test_export_of_a_can_log(tmp_path):
     )
     assert code == 0
     assert read(tmp_path / "b.mf4").t_u is not None
+
+
+def test_a_bar_is_shown_on_a_terminal_and_nothing_is_lost(monkeypatch, tmp_path):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("seod.data.source.BLOCK_ROWS", 100)
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    made = source(tmp_path / "x")
+    blocks = list(shown(made.blocks({"": ["t"]}), "run.csv"))
+    assert np.concatenate([block.values["t"] for block in blocks]).tolist() == T.tolist()
+    assert "run.csv" in terminal.getvalue()
+
+
+def test_the_daemon_imports_no_heavy_reader():
+    heavy = "{'pyarrow', 'asammdf', 'pandas', 'matplotlib'}"
+    modules = "seod.gateway.process, seod.data, seod.data.export, seod.data.summary, seod.data_commands"
+    code = f"import sys, {modules}; print(sorted({heavy} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
