@@ -19,7 +19,7 @@ from seod.data.progress import shown
 from seod.data.source import ReadError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -92,10 +92,7 @@ def read(
     files = [Path(paths)] if isinstance(paths, str | Path) else [Path(path) for path in paths]
     if not files:
         raise ReadError("no file to read")
-    mapping = (
-        parse_pairs(columns, "--columns") if columns and isinstance(columns, str) else dict(columns or {})
-    )
-    given = parse_pairs(units, "--units") if units and isinstance(units, str) else dict(units or {})
+    mapping, given = _pairs(columns, "--columns"), _pairs(units, "--units")
     parts = []
     for path in files:
         with open_source(path, dbc) as source:
@@ -103,37 +100,45 @@ def read(
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
+def _pairs(pairs: str | Mapping[str, str], option: str) -> Mapping[str, str]:
+    if not isinstance(pairs, str):
+        return pairs
+    return parse_pairs(pairs, option) if pairs else {}
+
+
 def _one(source: Source, found: Mapping[str, Found], between: tuple[float, float] | None) -> Recording:
     arrays, rows = _gathered(source, found, between)
-    clocks: dict[str, Clock] = {}
-    usable = {}
+    problems: list[Problem] = []
+    usable: dict[str, NDArray[np.bool_]] = {}
     for role in ("t", *TIMES.values()):
-        if role in found and found[role].group.name not in usable:
-            clocks[role] = Clock(source.path, found[role].column.name)
-            usable[found[role].group.name] = clocks[role].add(arrays[role], rows[found[role].group.name])
+        if role in found and (name := found[role].group.name) not in usable:
+            clock = Clock(source.path, found[role].column.name)
+            usable[name] = clock.add(arrays[role], rows[name])
+            problems += clock.problems()
     kept = {name: rows[name][keep] for name, keep in usable.items()}
     arrays = {role: x[usable[found[role].group.name]] for role, x in arrays.items()}
-    problems = remarks(source)
-    for clock in clocks.values():
-        problems += clock.problems()
-    return _recording(source.path, found, arrays, kept, problems)
+    if not len(arrays["t"]):
+        raise ReadError(f"{source.path}: no row with a time")
+    problems += _values_problems(source.path, found, arrays, kept)
+    problems += _align(source.path, found, arrays)
+    return _recording(source.path, found, arrays, kept, [*remarks(source), *problems])
 
 
-def _recording(
-    path: Path,
-    found: Mapping[str, Found],
-    arrays: dict[str, Floats],
-    rows: Mapping[str, Rows],
-    problems: list[Problem],
-) -> Recording:
-    t, own = arrays["t"], found["t"].group
-    if not len(t):
-        raise ReadError(f"{path}: no row with a time")
+def _values_problems(
+    path: Path, found: Mapping[str, Found], arrays: Mapping[str, Floats], rows: Mapping[str, Rows]
+) -> Iterator[Problem]:
     for role in ("y", "u", *_OPTIONAL):
-        if role in arrays and (role not in _OPTIONAL or not np.isnan(arrays[role]).all()):
+        if role in arrays and (role not in _OPTIONAL or _told(arrays[role]) is not None):
             where = path, found[role].column.name, arrays[role], rows[found[role].group.name]
-            problems += value_problems(*where)
-            problems += clipped(*where) if role == "y" else ()
+            yield from value_problems(*where)
+            if role == "y":
+                yield from clipped(*where)
+
+
+def _align(path: Path, found: Mapping[str, Found], arrays: dict[str, Floats]) -> list[Problem]:
+    """Bring what comes at times of its own to the rows of `y`, in `arrays` itself."""
+    t, own = arrays["t"], found["t"].group
+    problems: list[Problem] = []
     if found["u"].group is not own:
         arrays["u"], arrays["t_u"], extra = commands(t, arrays["t_u"], arrays["u"])
         if extra:
@@ -142,15 +147,25 @@ def _recording(
     for role in _OPTIONAL:
         if role in found and found[role].group is not own:
             arrays[role] = held(t, arrays[TIMES[role]], arrays[role])
+    return problems
+
+
+def _recording(
+    path: Path,
+    found: Mapping[str, Found],
+    arrays: Mapping[str, Floats],
+    rows: Mapping[str, Rows],
+    problems: Sequence[Problem],
+) -> Recording:
     return Recording(
         paths=(path,),
-        t=t,
+        t=arrays["t"],
         u=arrays["u"],
         y=arrays["y"],
         t_u=_told(arrays.get("t_u")),
         ps=_told(arrays.get("ps")),
         temperature=_told(arrays.get("temperature")),
-        rows=rows[own.name],
+        rows=rows[found["t"].group.name],
         names={role: each.column.name for role, each in found.items()},
         units={role: each.unit for role, each in found.items()},
         problems=tuple(problems),

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.data.source import Floats
     from seod.data.summary import ColumnSummary, Envelope, GroupSummary, Summary
 
 _LEVELS = "▁▂▃▄▅▆▇█"
@@ -75,21 +74,14 @@ def _values(each: ColumnSummary) -> str:
 
 
 def picture(envelope: Envelope) -> str:
-    """The middle of each stretch as a bar; a blank where there is no value."""
-    middle = 0.5 * (envelope.low + envelope.high)
-    fold = max(1, math.ceil(len(middle) / PICTURE))
-    middle = np.array([_mean(middle[k : k + fold]) for k in range(0, len(middle), fold)])
-    finite = middle[np.isfinite(middle)]
-    span = np.ptp(finite) if len(finite) else 0.0
-    low = finite.min() if len(finite) else 0.0
-    scaled = (middle - low) / span * (len(_LEVELS) - 1) if span > 0 else middle * 0.0
+    """The largest value of each stretch as a bar; a blank where there is no value."""
+    fold = max(1, math.ceil(len(envelope.high) / PICTURE))
+    high = np.array([np.fmax.reduce(envelope.high[k : k + fold]) for k in range(0, len(envelope.high), fold)])
+    low = np.fmin.reduce(envelope.low, initial=np.inf)
+    span = np.fmax.reduce(high, initial=-np.inf) - low
+    scaled = (high - low) / span * (len(_LEVELS) - 1) if span > 0 else high * 0.0
     text = "".join(" " if math.isnan(value) else _LEVELS[round(value)] for value in scaled)
     return text.ljust(PICTURE)
-
-
-def _mean(values: Floats) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
 
 
 def _bytes(count: int) -> str:

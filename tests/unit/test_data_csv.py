@@ -51,6 +51,8 @@ FOREIGN = {
     "exponents": "t,u,y\n0e0,1E0,+2.\n5e-1,-1e+0,.225e1\n",
     "no end of line at the end": "t,u,y\n0,1,2\n0.5,-1,2.25",
     "milliseconds": "t [ms],u [mV],y [rad]\n0,1000,2\n500,-1000,2.25\n",
+    "an oscilloscope": "t,u,y\n(ms),(mV),(rad)\n\n0,1000,2\n500,-1000,2.25\n",
+    "another": "t,u,y\nsecond,Volt,rad\n+00.0E+00,+1.0E+00,2\n+500.0E-03,-1.0E+00,2.25\n",
     "degrees": f"t,u,y [°]\n0,1,{math.degrees(2)!r}\n0.5,-1,{math.degrees(2.25)!r}\n",
 }
 
