@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark, needs_extra
+from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark, needs_extra, place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -43,17 +43,15 @@ class MdfSource:
         self.remarks: list[Remark] = []
         _check_head(path)
         self._file = path.open("rb")  # ours, for asammdf leaves it open where it fails
+        self._damaged = (MdfException, *_DAMAGED)
+        self._indices: dict[str, tuple[int, dict[str, int]]] = {}
         try:
             self._mdf: Any = MDF(self._file)
-        except (MdfException, *_DAMAGED) as error:
+            used = [k for k in range(len(self._mdf.groups)) if self._mdf.groups[k].channel_group.cycles_nr]
+            self.groups: tuple[Group, ...] = tuple(self._group(index, len(used) > 1) for index in used)
+        except self._damaged as error:
             self._file.close()
             raise ReadError(f"{path}: is no whole MDF file: {error}") from error
-        self._indices: dict[str, tuple[int, dict[str, int]]] = {}
-        self.groups: tuple[Group, ...] = tuple(
-            self._group(index)
-            for index in range(len(self._mdf.groups))
-            if self._mdf.groups[index].channel_group.cycles_nr
-        )
         comment = _plain(self._mdf.header.comment)
         self.notes: Mapping[str, str] = {"comment": comment} if comment else {}
 
@@ -76,9 +74,8 @@ class MdfSource:
     def _length(self, name: str) -> int:
         return int(self._mdf.groups[self._indices[name][0]].channel_group.cycles_nr)
 
-    def _group(self, index: int) -> Group:
+    def _group(self, index: int, several: bool) -> Group:
         group = self._mdf.groups[index]
-        several = len(self._mdf.groups) > 1
         name = (getattr(group.channel_group, "acq_name", None) or f"group {index + 1}") if several else ""
         if name in self._indices:
             name = f"{name} ({index + 1})"
@@ -102,12 +99,15 @@ class MdfSource:
 
     def _values(self, group: Group, name: str, at: int, count: int) -> Values:
         index, channels = self._indices[group.name]
-        signal = self._mdf.get(group=index, index=channels[name], record_offset=at, record_count=count)
+        try:
+            signal = self._mdf.get(group=index, index=channels[name], record_offset=at, record_count=count)
+        except self._damaged as error:
+            raise ReadError(f"{place(self.path, at + 1, name)}: cannot be read: {error}") from error
         if signal.samples.dtype.kind == "S":
             return np.array([each.decode(signal.encoding or "latin-1") for each in signal.samples], object)
         if signal.samples.dtype.kind == "U":
             return np.array(signal.samples, object)
-        values = np.asarray(signal.samples, np.float64)
+        values = np.array(signal.samples, np.float64)
         if signal.invalidation_bits is not None:
             values[np.asarray(signal.invalidation_bits, bool)] = np.nan
         return values
