@@ -43,7 +43,7 @@ class Recording:
             error = "" if writer is None else writer.error
             if error != self._told[number]:
                 self._told[number] = error
-                yield error or ("logging of the bus goes on" if number else "recording goes on")
+                yield error or (f"recording goes on in {writer.report()['file']}" if writer else "")
 
     def report(self) -> dict[str, Any]:
         """For `health`: null for what is missing."""

@@ -55,7 +55,7 @@ class McapRecorder:
         self._clock = clock
         self._queue: queue.SimpleQueue[NDArray[np.void] | Note] = queue.SimpleQueue()
         self._taken, self._refused = Amount(), Amount()
-        self._safe = clock()
+        self._passed = clock()
         self._series = Series(path, about, rotation, self._counters, clock())
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -73,7 +73,7 @@ class McapRecorder:
             return self._series.failure
         if not self._thread.is_alive():
             return f"{self._series.path}: the recorder has ended"
-        if self.waiting and self._clock() - self._safe > SLOW_S:
+        if self.waiting and self._clock() - self._passed > SLOW_S:
             return f"{self._series.path}: the disk is slow, rows wait in memory for more than {SLOW_S:g} s"
         return ""
 
@@ -125,12 +125,10 @@ class McapRecorder:
         self._series.finish(self._clock())
 
     def _pass(self, now: float) -> None:
-        if not self._series.ready(now):
-            return
         items = []
-        while not self._queue.empty():
-            items.append(self._queue.get())
+        if self._series.ready(now):
+            while not self._queue.empty():
+                items.append(self._queue.get())
         if items:
             self._series.put(items, now)
-        if not self._series.failure:
-            self._safe = now
+        self._passed = now

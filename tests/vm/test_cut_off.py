@@ -1,4 +1,4 @@
-"""A guest that records onto a real ext4 file system is killed as by a power cut; another one reads the rest."""
+"""A guest that records onto a real ext4 file system is killed as by a power cut; another one reads on."""
 
 from __future__ import annotations
 
