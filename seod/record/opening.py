@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, Protocol
 
+from drivers.light_can import import_light
 from seod.record.csv_recorder import CsvRecorder
 
 if TYPE_CHECKING:
@@ -84,6 +85,8 @@ def open_bus_log(config: RigConfig, directory: Path) -> BusLog | None:
         return None
     if config.driver["kind"] != "can":
         raise BusLogError(f"record.bus_log: driver kind {config.driver['kind']} has no bus: leave it out")
+    if not config.record.bus_log.lower().endswith(".mf4"):
+        import_light()
     from drivers.can_config import CanOptions  # noqa: PLC0415 - python-can only where there is a bus
     from seod.record.bus import BusLog  # noqa: PLC0415
 

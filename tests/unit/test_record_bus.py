@@ -2,6 +2,8 @@
 
 import errno
 import itertools
+import subprocess
+import sys
 import threading
 
 import can
@@ -101,6 +103,17 @@ def test_what_cannot_be_logged_is_refused_with_the_reason(tmp_path, monkeypatch)
 def test_a_file_that_cannot_be_written_is_refused(tmp_path, peer, name, why):
     with pytest.raises(BusLogError, match=why):
         BusLog(tmp_path / name, OPTIONS)
+
+
+def test_the_loop_loads_python_can_without_its_file_formats():
+    code = """if True:
+        import sys
+        from drivers import driver_class
+        driver_class("can")
+        print(sorted({"pandas", "asammdf", "pyarrow"} & sys.modules.keys()))
+        import asammdf"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 def test_without_a_bus_there_is_none_to_log(tmp_path):
