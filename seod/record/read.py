@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import json
 import struct
-import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdError
 
 from seod.record import layout
 from seod.ring import AXIS_FIELDS
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     Item = NDArray[np.void] | dict[str, Any]
 
-BROKEN = (McapError, CRCValidationError, struct.error, zlib.error, UnicodeDecodeError, EOFError, MemoryError)
+BROKEN = (McapError, ValueError, struct.error, ZstdError, EOFError, MemoryError, OverflowError)
 """What the library raises where a file ends in the middle or is damaged."""
 
 
@@ -58,15 +58,25 @@ def beginning(path: Path) -> Beginning:
         RecordingError: It is none.
         OSError: It cannot be read.
     """
-    rig: dict[str, Any] = {}
+    rig = "{}"
     for record in records(path):
         if isinstance(record, Attachment) and record.name == layout.RIG:
-            rig = json.loads(record.data)
+            rig = record.data.decode(errors="replace")
         if isinstance(record, Metadata) and record.name == layout.PROFILE:
-            return Beginning(tuple(json.loads(record.metadata["axes"])), record.metadata, rig)
+            return _begun(path, record.metadata, rig)
         if isinstance(record, Chunk):
             break
     raise RecordingError(f"{path}: is no recording of seod (`seod run --record FILE.mcap` makes one)")
+
+
+def _begun(path: Path, facts: dict[str, str], rig: str) -> Beginning:
+    missing = {"axes", "started"} - facts.keys()
+    try:
+        if not missing:
+            return Beginning(tuple(json.loads(facts["axes"])), facts, json.loads(rig))
+    except (ValueError, TypeError) as error:
+        raise RecordingError(f"{path}: its beginning is damaged: {error}") from error
+    raise RecordingError(f"{path}: its beginning is damaged: no {', '.join(sorted(missing))}")
 
 
 def records(path: Path) -> Iterator[McapRecord]:

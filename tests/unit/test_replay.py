@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from loop_bench import PERIOD, Bench
 from record_rows import Content, about, rows, write_recording
 
@@ -252,6 +254,29 @@ def test_a_damaged_chunk_is_left_out(tmp_path: Path) -> None:
     data[len(data) // 3] ^= 0xFF
     (tmp_path / "a.mcap").write_bytes(data)
     assert [item["code"] for item in items(tmp_path / "a.mcap", ["motor"])] == ["rows_lost"]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("small") / "a.mcap"
+    write_recording(path, rows(30), [Note(EVENTS, 100.0, {"event": "state", "t": 100.0})])
+    return path
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_whatever_a_disk_made_of_it_a_recording_is_read_or_refused(small: Path, data: st.DataObject) -> None:
+    content = bytearray(small.read_bytes())
+    places = st.tuples(st.integers(0, len(content) - 1), st.integers(0, 255))
+    for at, value in data.draw(st.lists(places, max_size=3)):
+        content[at] = value
+    torn = small.with_name("torn.mcap")
+    torn.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    try:
+        found = list(items(torn, ["motor"]))
+    except RecordingError:
+        return
+    assert sum(len(item) for item in found if not isinstance(item, dict)) in (0, 30)
 
 
 def test_the_parts_of_a_recording_follow_each_other(tmp_path: Path) -> None:
