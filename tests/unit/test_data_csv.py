@@ -108,6 +108,12 @@ def test_text_columns_stay_text(tmp_path):
     assert values["state"].tolist() == ["idle", "exciting"]
 
 
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_a_decimal_mark_may_come_late(decimal, tmp_path):
+    text = "t;u;y\n" + "".join(f"{k};1;2\n" for k in range(10_000)) + f"10000;1;2{decimal}25\n"
+    assert read(write(tmp_path, text)).y[-1] == 2.25
+
+
 def test_remarks_of_an_operator_that_come_late_are_said(tmp_path):
     text = (
         "t,u,y,ps,note\n" + "".join(f"{k},1,2,,\n" for k in range(10_000)) + "10000,1,2,7e6,valve swapped\n"

@@ -13,9 +13,11 @@ import scipy.io
 from record_rows import OFFSET_NS, about, rows
 
 from seod.data import ReadError, open_source, read
-from seod.data.source import BLOCK_ROWS
+from seod.data.mcap_rows import JsonRows, TickRows, rows_group
+from seod.data.source import BLOCK_ROWS, Column, Group
 from seod.paths import configs_dir
 from seod.record.csv_recorder import CsvLines, header
+from seod.record.layout import encode
 from seod.record.mcap_file import McapFile
 from seod.ring import FLAG_FRESH
 
@@ -79,9 +81,14 @@ def test_mat_of_vectors(version, tmp_path):
 
 
 def test_mat_of_structs_and_matrices(tmp_path):
-    content = {"run": {"time": T[:, None], "signals": np.stack([U, Y], 1)}, "note": "a test", "short": T[:7]}
+    content = {
+        "run": {"time": T[:, None], "signals": np.stack([U, Y], 1), "wide": np.stack([U, Y])},
+        "note": "a test",
+        "short": T[:7],
+    }
     scipy.io.savemat(tmp_path / "a.mat", content)
     same(read(tmp_path / "a.mat", "t=run.time,u=run.signals[1],y=run.signals[2]"))
+    same(read(tmp_path / "a.mat", "t=run.time,u=run.wide[1],y=run.wide[2]"))
     with open_source(tmp_path / "a.mat") as source:
         assert [group.name for group in source.groups] == ["500 rows", "7 rows"]
         assert source.notes == {"note": "a test"}
@@ -240,7 +247,11 @@ def test_a_recording_in_mcap_reads_as_the_one_in_csv(axes, tmp_path):
 
 def test_all_that_is_in_a_recording(tmp_path):
     notes = [
-        ("/estimates/motor", 100.1, {"t": 100.1, "zeta": None, "quality": "settling", "advice": None}),
+        (
+            "/estimates/motor",
+            100.1,
+            {"t": 100.1, "ps": 7e6, "zeta": None, "quality": "settling", "advice": None},
+        ),
         (
             "/estimates/motor",
             100.2,
@@ -254,6 +265,7 @@ def test_all_that_is_in_a_recording(tmp_path):
     np.testing.assert_array_equal(found["/estimates/motor"]["zeta"], [np.nan, 0.21])
     assert found["/events"]["values.e_a"].tolist() == [1.5]
     assert found["/events"]["log_time"] == pytest.approx([100.3 + OFFSET_NS * 1e-9])
+    assert read(tmp_path / "a.mcap").ps.tolist() == [1.0] * 10  # of the rows, not of an estimate
     told = json.dumps({name: values.tolist() for name, values in found["/estimates/motor"].items()})
     assert "none" in told
     assert "[1]" in told
@@ -319,17 +331,58 @@ def test_blocks_of_a_long_recording_join_the_axes_of_each_tick(tmp_path, monkeyp
 
     monkeypatch.setattr(mcap_file, "BLOCK_ROWS", 150)
     table = rows(1000, 2)
-    table["axes"]["flags"] = FLAG_FRESH
+    fresh = np.random.default_rng(1).uniform(size=1000) > 0.5
+    table["axes"]["flags"] = np.where(fresh, FLAG_FRESH, 0)[:, None]
     write_mcap(tmp_path / "a.mcap", table, ("pitch", "roll"))
     with open_source(tmp_path / "a.mcap") as source:
-        blocks = [b for b in source.blocks({"rows": ["tick", "pitch.y", "roll.y"]}) if len(b.rows)]
+        blocks = [b for b in source.blocks({"rows": ["tick", "pitch.y", "roll.y", "roll.t"]}) if len(b.rows)]
     assert len(blocks) > 3
     assert max(len(block.rows) for block in blocks) < 400
     ticks = np.concatenate([block.values["tick"] for block in blocks])
     assert ticks.tolist() == list(range(1000))
     for axis, name in enumerate(("pitch.y", "roll.y")):
         values = np.concatenate([block.values[name] for block in blocks])
-        assert values.tolist() == table["axes"]["y"][:, axis].tolist()
+        np.testing.assert_array_equal(values, np.where(fresh, table["axes"]["y"][:, axis], np.nan))
+    t = np.concatenate([block.values["roll.t"] for block in blocks])
+    assert np.diff(t[np.argmax(fresh) :]) == pytest.approx(5e-4)
+
+
+def test_a_tick_that_one_axis_lacks_at_the_end_is_there_for_the_other(tmp_path):
+    axes = ("pitch", "roll")
+    waiting = TickRows(rows_group(axes), ["tick", "pitch.y", "roll.y"], tmp_path, axes)
+    for number, axis in enumerate(axes):
+        for message in encode(rows(5, 2), number)[: 5 - number]:
+            waiting.add(axis, message.tobytes())
+    assert waiting.block(0.5).values["tick"].tolist() == [0, 1, 2, 3]
+    last = waiting.block(1.0, last=True)
+    assert last.values["tick"].tolist() == [4]
+    assert last.values["pitch.y"].tolist() == [rows(5, 2)["axes"]["y"][4, 0]]
+    assert np.isnan(last.values["roll.y"]).all()
+
+
+def test_fields_that_nobody_expected_are_kept_as_json():
+    group = Group("/events", (Column("t"), Column("why", text=True), Column("more", text=True)))
+    waiting = JsonRows(group, ["t", "why", "more"])
+    waiting.add({"t": 1.0, "why": None})
+    waiting.add({"t": "soon", "why": "x", "new": 2})
+    values = waiting.block(1.0).values
+    np.testing.assert_array_equal(values["t"], [1.0, np.nan])
+    assert values["why"].tolist() == ["", "x"]
+    assert values["more"].tolist() == ["", '{"t": "soon", "new": 2}']
+
+
+def test_rows_are_numbered_through_all_blocks(tmp_path, log_folder, monkeypatch):
+    import pandas as pd
+
+    pd.DataFrame({"t": T, "u": U, "y": Y}).to_parquet(tmp_path / "a.parquet")
+    write_mdf(tmp_path / "a.mf4", [("u", "V", T, U), ("y", "rad", T, Y)])
+    for module in ("parquet_file", "mdf_file", "can_log"):
+        monkeypatch.setattr(f"seod.data.{module}.BLOCK_ROWS", 64)
+    for name in ("a.parquet", "a.mf4"):
+        recording = read(tmp_path / name)
+        same(recording)
+        assert recording.rows.tolist() == list(range(1, 501))
+    assert read(log_folder / "run.asc", "y=angle,u=voltage", dbc=DBC).rows.tolist() == list(range(1, 501))
 
 
 # What is missing
