@@ -360,6 +360,19 @@ def test_a_tick_that_one_axis_lacks_at_the_end_is_there_for_the_other(tmp_path):
     assert np.isnan(last.values["roll.y"]).all()
 
 
+def test_a_recording_may_end_in_the_middle_of_a_tick(tmp_path):
+    table = rows(5, 2)
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        file = McapFile(stream, about(("pitch", "roll")), 1)
+        file.rows(table[:4])
+        file._writer.add_message(file._rows[0], 0, encode(table[4:], 0).tobytes(), 0)
+        file.finish()
+    assert read(tmp_path / "a.mcap", axis="pitch").y.tolist() == table["axes"]["y"][:, 0].tolist()
+    recording = read(tmp_path / "a.mcap", axis="roll")
+    assert recording.y.tolist() == table["axes"]["y"][:4, 1].tolist()
+    assert [problem.kind for problem in recording.problems] == ["missing"]
+
+
 def test_fields_that_nobody_expected_are_kept_as_json():
     group = Group("/events", (Column("t"), Column("why", text=True), Column("more", text=True)))
     waiting = JsonRows(group, ["t", "why", "more"])
