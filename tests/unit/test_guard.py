@@ -142,8 +142,8 @@ def test_speed_is_that_of_the_window(window: float) -> None:
 
 def test_the_way_to_the_amplitude_is_no_growth() -> None:
     judge, codes = axis_guard(speed=1e3), []
-    for t, y in sine(0.15, 3.0, 6.0):
-        y *= min(1.0, 0.05 + t)  # it takes a second to get there
+    for t, swing in sine(0.15, 3.0, 6.0):
+        y = swing * min(1.0, 0.05 + t)  # it takes a second to get there
         trip = judge.inspect(t, Sample(y, t), y, y, True, t > 1.0)
         codes.append(trip and trip.code)
     assert set(codes) == {None}
