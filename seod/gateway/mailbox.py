@@ -34,6 +34,8 @@ class Mailbox:
         self.ticking = False
         self.dead_why = ""
         """Why there is no loop any more; "" while there is one, or while the first has not started yet."""
+        self._known = asyncio.Event()
+        """Set once the first loop ticks, or has died before."""
         self._ring = ring
         self._restart_loop = restart_loop
         self._answer_s = answer_s
@@ -48,10 +50,9 @@ class Mailbox:
         Raises:
             RpcError: REFUSED with the loop's reason; NO_ANSWER; BUSY (never for `estop`).
         """
+        await self._first_tick()
         if self.dead_why:
             raise RpcError(NO_ANSWER, f"there is no loop: {self.dead_why}; `reset` starts a new one")
-        if not self.ticking:
-            raise RpcError(NO_ANSWER, "the loop has not started yet; try again")
         if len(self._waiting) >= MAX_WAITING and op != "estop":
             raise RpcError(BUSY, f"{MAX_WAITING} commands wait for the loop already; try again")
         self._last_id += 1
@@ -68,6 +69,14 @@ class Mailbox:
         if not reply.get("ok"):
             raise RpcError(REFUSED, str(reply.get("error") or f"the loop refused {op!r}"))
 
+    async def _first_tick(self) -> None:
+        """Wait until the loop has started, for as long as it may take to answer."""
+        try:
+            async with asyncio.timeout(self._answer_s):
+                await self._known.wait()
+        except TimeoutError:
+            raise RpcError(NO_ANSWER, "the loop has not started yet; try again") from None
+
     def answered(self, reply: dict[str, Any]) -> None:
         """Take a `reply` event; one that nobody waits for any more is dropped."""
         future = self._waiting.get(reply["id"])
@@ -77,12 +86,14 @@ class Mailbox:
     def rows_come(self) -> None:
         """Rows are proof of a loop, should its `started` event have been lost."""
         self.ticking = not self.dead_why
+        self._known.set()
 
     def loop_started(self, generation: int) -> bool:
         """Take a `started` event; False if that loop has died meanwhile."""
         if generation <= self._dead_generation:
             return False
         self.ticking = True
+        self._known.set()
         self.dead_why = ""
         if self._restarted is not None and not self._restarted.done():
             self._restarted.set_result(None)
@@ -91,6 +102,7 @@ class Mailbox:
     def loop_died(self, generation: int, why: str) -> None:
         """The loop is gone: what it has not answered it never will."""
         self.ticking = False
+        self._known.set()
         self.dead_why = why
         self._dead_generation = generation
         for number, future in self._waiting.items():

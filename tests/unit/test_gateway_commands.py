@@ -88,6 +88,15 @@ async def test_a_loop_that_does_not_answer_is_told_and_an_estop_still_goes_throu
     assert [command["op"] for command in run.loop.taken] == ["stop"] * 3 + ["estop"]
 
 
+async def test_a_command_waits_for_a_loop_that_is_about_to_start():
+    async with running(started=False) as run, peer(run) as client:
+        await client.send(b'{"jsonrpc":"2.0","id":1,"method":"start"}\n')
+        await client.send(b'{"jsonrpc":"2.0","id":2,"method":"list"}\n')
+        assert (await client.read())["id"] == 2  # the first waits
+        run.loop.row()
+        assert (await client.read()) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
+
+
 async def test_before_the_loop_ticks_commands_are_refused():
     async with running(started=False) as run, peer(run) as client:
         error = await client.call("start")
