@@ -1,4 +1,4 @@
-"""Runs `tests/vm/guest` once, in a guest with real SocketCAN and systemd, and reports each of its tests.
+"""Runs `tests/vm/guest` once, in guests with real SocketCAN and systemd, and reports each of its tests.
 
 Not everyone can start the guest: it needs root and Debian's packages. Where it cannot run these tests are
 skipped; SEOD_REQUIRE_VM=1 makes that a failure, SEOD_SKIP_VM=1 leaves them out.
@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -21,7 +22,9 @@ from sim.cache import compile_plant, is_plant_compiled
 
 REPO = Path(__file__).parents[2]
 GUEST = Path(__file__).with_name("guest")
-REPORT = REPO / ".pytest_cache" / "guest.xml"
+NAMES = sorted(path.stem for path in GUEST.glob("test_*.py"))
+GUESTS = 2
+"""Guests that share the files: each has one processor."""
 LIMIT_S = 480
 
 pytestmark = [pytest.mark.vm, pytest.mark.timeout(LIMIT_S + 120)]
@@ -70,11 +73,20 @@ def guest_report() -> dict[str, list[Result]]:
         pytest.skip(reason)
     if not is_plant_compiled():  # the guest sees the machine code; to make it there takes a minute
         compile_plant()
-    REPORT.parent.mkdir(exist_ok=True)
-    REPORT.unlink(missing_ok=True)
-    tests = [sys.executable, "-m", "pytest", str(GUEST), f"--junitxml={REPORT}", "-p", "no:cacheprovider"]
+    with ThreadPoolExecutor(GUESTS) as guests:
+        reports = list(guests.map(run_guest, range(GUESTS)))
+    return {name: results for report in reports for name, results in report.items()}
+
+
+def run_guest(number: int) -> dict[str, list[Result]]:
+    """What one guest says of its share of the files."""
+    report = REPO / ".pytest_cache" / f"guest{number}.xml"
+    report.parent.mkdir(exist_ok=True)
+    report.unlink(missing_ok=True)
+    tests = [str(GUEST / f"{name}.py") for name in NAMES[number::GUESTS]]
+    command = [sys.executable, "-m", "pytest", *tests, f"--junitxml={report}", "-p", "no:cacheprovider"]
     run = subprocess.run(
-        [GUEST.with_name("canvm.sh"), "-s", REPO, "-t", str(LIMIT_S), "--", *tests],
+        [GUEST.with_name("canvm.sh"), "-s", REPO, "-t", str(LIMIT_S), "--", *command],
         cwd=REPO,
         env=os.environ | {"SEOD_IN_GUEST": "1", "PYTHONDONTWRITEBYTECODE": "1"},
         stdout=subprocess.PIPE,
@@ -83,12 +95,13 @@ def guest_report() -> dict[str, list[Result]]:
         check=False,
     )
     print(run.stdout)
-    if not REPORT.exists():
-        pytest.fail(f"the guest gave no results (exit code {run.returncode}):\n{run.stdout}", pytrace=False)
-    return read_report(REPORT)
+    if not report.exists():
+        said = f"guest {number} gave no results (exit code {run.returncode}):\n{run.stdout}"
+        return {name: [Result("all", "failed", said)] for name in NAMES[number::GUESTS]}
+    return read_report(report)
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in GUEST.glob("test_*.py")))
+@pytest.mark.parametrize("name", NAMES)
 def test_in_guest(name: str, guest_report: dict[str, list[Result]], subtests: pytest.Subtests) -> None:
     """One file of the guest's tests; each of its tests is a subtest here."""
     results = guest_report[name]
