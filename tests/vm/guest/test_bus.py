@@ -93,6 +93,8 @@ def test_a_full_queue_is_a_fault_and_no_stale_command_leaves_it(bench: Bench, li
         stale = late.index(0.0)
         assert stale <= IN_FLIGHT
         assert set(late[stale:]) == {0.0}
+    sent = bench.counters()["frames_sent"]
+    until("half a second of commands", lambda: bench.counters()["frames_sent"] > sent + 50)
     bench.daemon.event(event="warning", why="the rig can be reached again")
     bench.recover()
     bench.center()
