@@ -48,7 +48,7 @@ def wait_for(log, frames):
 OPTIONS = CanOptions.model_construct(interface="socketcan", channel="x", fd=False, bus_options={})
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])
+@pytest.mark.parametrize("suffix", [".blf", ".asc", ".log", ".mf4"])
 def test_each_frame_is_in_the_file(tmp_path, peer, suffix):
     path = tmp_path / f"bus{suffix}"
     log = BusLog(path, OPTIONS)

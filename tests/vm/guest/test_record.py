@@ -137,13 +137,13 @@ def test_a_disk_that_is_pulled_out_is_told_and_a_new_file_begins_on_the_next_one
 def test_each_frame_of_the_bus_is_in_the_log(rig: Rpc, tmp_path: Path) -> None:
     text = CONFIG.read_text().replace("../../..", str(REPO))
     config = tmp_path / "logged.yaml"
-    config.write_text(text + "\nrecord:\n  bus_log: bus.blf\n")
+    config.write_text(text + "\nrecord:\n  bus_log: bus.mf4\n")
     with run_daemon(rig, config, tmp_path) as bench:
         bench.excite()
         sent = bench.counters()["frames_sent"]
         until("more commands", lambda: bench.counters()["frames_sent"] > sent + 20)
         bench.recover()
-    with can.LogReader(tmp_path / "bus.blf") as log:
+    with can.LogReader(tmp_path / "bus.mf4") as log:
         frames = Counter(frame.arbitration_id for frame in log)
     assert frames[COMMAND_ID] > 20
     assert set(frames) >= {COMMAND_ID, 0x101}
