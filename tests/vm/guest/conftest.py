@@ -83,9 +83,7 @@ class Bench:
 
     def center(self) -> None:
         """Put the load back to where it stood at first: without commands it moves until the watchdog."""
-        until(
-            "rest", lambda: abs(self.rig_state()["velocity"]) < 0.02
-        )  # else no polarity
+        until("rest", lambda: abs(self.rig_state()["velocity"]) < 0.02)  # else no polarity
         self.rig.call("set", plant="motor", position=0.0)
         self.daemon.wait_for_centre("motor")
 
