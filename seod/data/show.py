@@ -119,7 +119,8 @@ def plot(summary: Summary, to: Path) -> None:
     figure = Figure(figsize=(9.0, 1.0 + 1.4 * len(drawn)), layout="constrained")
     for axes, (group, column) in zip(figure.subplots(len(drawn), 1, squeeze=False)[:, 0], drawn, strict=True):
         x, label = _abscissa(group, column)
-        axes.fill_between(x, column.envelope.low, column.envelope.high, step="mid", linewidth=0.6, alpha=0.9)
+        span = column.envelope.low, column.envelope.high
+        axes.fill_between(x, *span, step="mid", linewidth=0.8, edgecolor="C0")  # the edge shows what is flat
         axes.set_ylabel(_title(column), fontsize=8)
         axes.set_xlabel(label, fontsize=8)
         axes.tick_params(labelsize=7)
@@ -128,8 +129,9 @@ def plot(summary: Summary, to: Path) -> None:
 
 
 def _abscissa(group: GroupSummary, column: ColumnSummary) -> tuple[NDArray[Any], str]:
-    """Time in the middle of each stretch, or the row where there is no time."""
+    """Time in the middle of each stretch from the first one's, or the row where there is no time."""
     time = next((each for each in group.columns if each.column.name == group.time), None)
     if time is None or len(time.envelope.low) != len(column.envelope.low):
         return np.arange(len(column.envelope.low)) * column.envelope.rows, "row"
-    return 0.5 * (time.envelope.low + time.envelope.high), _title(time)
+    middle = 0.5 * (time.envelope.low + time.envelope.high)
+    return middle - middle[0], f"{_title(time)} from {middle[0]:.6g}"
