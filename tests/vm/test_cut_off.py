@@ -84,11 +84,12 @@ def lines(progress: Path) -> list[tuple[int, int]]:
 
 @pytest.fixture
 def image(tmp_path: Path) -> Path:
-    if why_not() and os.environ.get("SEOD_REQUIRE_VM"):
-        pytest.fail(f"SEOD_REQUIRE_VM is set, but {why_not()}", pytrace=False)
     mkfs = shutil.which("mkfs.ext4", path=f"{os.environ['PATH']}:/usr/sbin:/sbin")
-    if why_not() or mkfs is None:
-        pytest.skip(why_not() or "there is no mkfs.ext4")
+    reason = why_not() or ("" if mkfs else "there is no mkfs.ext4")
+    if reason and os.environ.get("SEOD_REQUIRE_VM"):
+        pytest.fail(f"SEOD_REQUIRE_VM is set, but {reason}", pytrace=False)
+    if mkfs is None or reason:
+        pytest.skip(reason)
     path = tmp_path / "disk.img"
     with path.open("wb") as file:
         file.truncate(64 << 20)
