@@ -83,14 +83,17 @@ class EstimatorSettings:
     """What an estimator knows beforehand.
 
     Attributes:
-        method: `peaks` or `exact`.
+        method: `peaks`, `exact` or `wave`.
         K_L: Plant gain [axis unit/s/V], for rows that do not tell theirs.
         hysteresis: Half-width eps of the relay's hysteresis [axis unit]; switches at e = +eps and -eps.
         delay_s: Known delay between `t_u` and the actuator [s], and pure delay of the sensor.
         period_s: Nominal tick period [s].
         cycles: Window in cycles over which agreement is judged and estimates are averaged.
         lowpass_hz: Cut-off of the low-pass of section 2.3(2) for `peaks`; None for no filter.
-        lag_s: Time constant of the sensor's first-order lag [s]; `exact` takes it back.
+        lag_s: Time constant of the sensor's first-order lag [s]; `exact` and `wave` take it back.
+        K_L_sd: How well K_L is known [axis unit/s/V]: 0 is certain, inf is not at all.
+        delay_sd: Likewise the delay [s].
+        resolution: Step of the sensor [axis unit]; 0: fine.
     """
 
     method: str
@@ -101,6 +104,9 @@ class EstimatorSettings:
     cycles: int
     lowpass_hz: float | None
     lag_s: float = 0.0
+    K_L_sd: float = 0.0
+    delay_sd: float = 0.0
+    resolution: float = 0.0
 
 
 class Estimator(Protocol):
