@@ -70,4 +70,6 @@ class WaveEstimator(ExactEstimator):
         t, y = t[inside], y[inside]
         K_L = Known(self.record.K_L, self.settings.K_L_sd)
         delay = Known(self.settings.delay_s, self.settings.delay_sd)
-        return Window(t, y, StepwiseVoltage(t_u, u, t), K_L, delay, self.settings.lag_s, self.settings.resolution)
+        return Window(
+            t, y, StepwiseVoltage(t_u, u, t), K_L, delay, self.settings.lag_s, self.settings.resolution
+        )
