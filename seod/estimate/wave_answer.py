@@ -54,10 +54,11 @@ class Answer:
     def of(cls, window: Window, fit: Fit, period: float) -> Answer:
         """Judge the residual of a fit by the limit cycle's period [s]."""
         newest = slice(int(np.searchsorted(window.t, window.t[-1] - period)), None)
-        repeats = misfit(window.t, fit.residual, period)
-        model = (window.y - fit.residual)[newest]
-        finest = FLOOR * float(np.ptp(model)) / max(fit.noise * fit.colour, 1e-300)
-        widened = math.sqrt(repeats.ratio) if repeats.chance < SUSPECT else 1.0
+        x = window.noise.whiten(fit.residual)
+        repeats = misfit(window.t[-len(x) :], x, period)
+        motion = window.noise.whiten(window.y - fit.residual)[newest]
+        finest = FLOOR * float(np.ptp(motion)) / max(fit.noise * fit.colour, 1e-300)
+        widened = math.sqrt(repeats.excess) if repeats.chance < SUSPECT else 1.0
         return cls(window, fit, newest, repeats, max(1.0, finest, widened))
 
     @property
@@ -82,12 +83,13 @@ class Answer:
         spread = float(np.var(self.window.y[self.newest]))
         if spread <= 0.0:
             return None
-        return max(0.0, 1.0 - math.sqrt(float(np.mean(self.fit.residual[self.newest] ** 2)) / spread))
+        return max(0.0, 1.0 - math.sqrt(float(np.var(self.fit.residual[self.newest])) / spread))
 
     @property
     def misfit(self) -> float:
         """What repeats, as a part of the motion (effective values)."""
-        return self.repeats.size / max(float(np.std(self.model)), 1e-300)
+        motion = self.window.noise.whiten(self.model)
+        return self.repeats.size / max(float(np.std(motion)), 1e-300)
 
     @property
     def is_nonlinear(self) -> bool:

@@ -22,16 +22,18 @@ class Misfit(NamedTuple):
     Attributes:
         ratio: Power at the limit cycle's harmonics to that between them, for each degree of freedom; 1 for
             noise of any smooth spectrum.
+        excess: The same power to that of the whole residual: the square of what widens deviations.
         chance: Roughly how probable so high a ratio is for noise.
         size: Effective value of what repeats beyond noise [unit].
     """
 
     ratio: float
+    excess: float
     chance: float
     size: float
 
 
-NOTHING: Final = Misfit(1.0, 1.0, 0.0)
+NOTHING: Final = Misfit(1.0, 1.0, 1.0, 0.0)
 
 
 def misfit(t: Array, residual: Array, period: float) -> Misfit:
@@ -73,7 +75,8 @@ def _judged(at: float, between: float, bins: tuple[int, int], count: int) -> Mis
     expected = 0.5 * freedom * between
     ratio = at / max(expected, 1e-300)
     size = math.sqrt(2.0 * max(at - expected, 0.0)) / count
-    return Misfit(ratio, _chance(ratio, freedom, others), size)
+    level = (2.0 * at + others * between) / (freedom + others)
+    return Misfit(ratio, 2.0 * at / (freedom * max(level, 1e-300)), _chance(ratio, freedom, others), size)
 
 
 def _chance(ratio: float, freedom: float, others: float) -> float:

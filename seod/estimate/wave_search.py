@@ -214,10 +214,12 @@ class Search:
 
 
 def _inverse(gram: Array) -> Array:
-    """Of a positive definite matrix, scaled to ones on its diagonal first."""
-    scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
-    inverse = np.linalg.inv(gram / np.outer(scale, scale) + 1e-14 * np.eye(len(gram)))
-    return np.asarray(inverse / np.outer(scale, scale))
+    """Of a positive semidefinite matrix, scaled to ones on its diagonal; what it does not tell stays at 0."""
+    scale = np.sqrt(gram.diagonal())
+    told = scale > 0.0
+    factors = 1.0 / np.where(told, scale, np.inf)
+    both = np.outer(factors, factors)
+    return np.asarray(np.linalg.inv(gram * both + np.diag(np.where(told, 1e-14, 1.0))) * both)
 
 
 def _roughness(y: Array) -> float:

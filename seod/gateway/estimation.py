@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
 from seod.gain import gain_range
@@ -15,6 +15,7 @@ from seod.settings import configured
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from seod.config.calibration import CalibratedValue
     from seod.config.model import AxisConfig
     from seod.estimate.base import Estimator
 
@@ -61,7 +62,8 @@ class Axis:
     period_s: float
     make: Callable[[EstimatorSettings], Estimator]
     lag_s: float = 0.0
-    """Of the axis' sensor."""
+    """Of the axis' sensor; likewise its `resolution` [axis unit]."""
+    resolution: float = 0.0
     settings: dict[str, Any] = field(init=False)
     state: str = "idle"
     fault: dict[str, Any] | None = None
@@ -95,7 +97,19 @@ class Axis:
             cycles=estimator.cycles,
             lowpass_hz=estimator.lowpass,
             lag_s=self.lag_s,
+            K_L_sd=self._known_to(estimator.K_L_sd, "K_L"),
+            delay_sd=self._known_to(estimator.delay_sd, "delay"),
+            resolution=0.0 if self._velocity else self.resolution,
+            integrated=self._velocity,
         )
+
+    def _known_to(self, sd: float | None, name: Literal["K_L", "delay"]) -> float:
+        """The standard deviation that the rig file gives for a value, or else its calibration's."""
+        calibration = self.config.calibration
+        if sd is not None or calibration is None:
+            return sd or 0.0
+        measured: CalibratedValue = getattr(calibration, name)
+        return measured.sd
 
     def change(self, values: dict[str, Any]) -> None:
         """New settings are in force: the estimator begins anew with them."""
@@ -220,6 +234,9 @@ def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
         "ps": estimate.ps,
         "temperature": estimate.temperature,
         "fitness": estimate.fitness,
+        "misfit": estimate.misfit,
+        "lag_s": estimate.lag_s,
+        "correlation": estimate.correlation and dict(estimate.correlation),
         "method": estimate.method,
         "quality": estimate.quality,
         "advice": estimate.advice,
