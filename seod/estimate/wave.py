@@ -162,12 +162,12 @@ class WaveEstimator(CycleEstimator):
             return "no_oscillation" if len(self.record.switches) > self.window else "settling"
         words = (
             ("no_oscillation", count < quality.SAMPLES_MIN or self._is_lost(solution.amplitude)),
-            ("saturated", any(self._clips)),
+            ("saturated", any(self._clips) and answer.is_nonlinear),
             ("out_of_range", solution.plant is None and full),
             ("nonlinear", answer.is_nonlinear),
             ("noisy", not answer.is_sure and full),
             ("settling", not answer.is_sure or answer.has_changed or solution.plant is None),
-            ("asymmetric", abs(self._asymmetry()) > ASYMMETRY_MAX),
+            ("asymmetric", full and abs(self._asymmetry()) > ASYMMETRY_MAX),
         )
         return next((word for word, applies in words if applies), "ok")
 

@@ -23,9 +23,9 @@ CHANGED: Final = 18.0
 """Chi-square of two degrees above which the plant has changed within the window: once in 8000 of noise."""
 SUSPECT: Final = 0.01
 """Chance below which what repeats is believed, and widens the standard deviations."""
-SURE: Final = 1e-5
+SURE: Final = 1e-4
 """Chance below which what repeats, if it is large as well, makes the answer `nonlinear`."""
-MISFIT_MAX: Final = 2e-3
+MISFIT_MAX: Final = 5e-4
 """Part of the motion that may repeat beside the linear plant's."""
 SURE_ZETA: Final = 0.1
 SURE_OMEGA_N: Final = 0.03
@@ -94,7 +94,8 @@ class Answer:
     @property
     def is_nonlinear(self) -> bool:
         """Whether what repeats is too large, and no chance or coarse sensor's work."""
-        coarse = self.repeats.size < self.window.resolution / math.sqrt(12.0)
+        step = max(self.window.resolution, steps_of(self.window.y))
+        coarse = self.repeats.size < step / math.sqrt(12.0)
         return self.repeats.chance < SURE and self.misfit > MISFIT_MAX and not coarse
 
     @property
@@ -123,3 +124,9 @@ class Answer:
         table = self.fit.correlation
         free = [k for k in range(len(NAMES)) if table[k, k] > 0.0]
         return {f"{NAMES[a]},{NAMES[b]}": round(float(table[a, b]), 4) for a, b in combinations(free, 2)}
+
+
+def steps_of(y: Array) -> float:
+    """The step of a coarse sensor as its samples show it [unit]; 0 where they seldom repeat."""
+    values = np.unique(y)
+    return float(np.median(np.diff(values))) if 2 < len(values) < 0.5 * len(y) else 0.0

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 HARMONICS: Final = 8
 """Of the limit cycle, that are looked at; fewer where a half cycle has few samples."""
-_TAKEN: Final = 4.0
-"""Degrees of freedom at the harmonics that the fit took from its residual."""
+_TAKEN: Final = 2.0
+"""Degrees of freedom at the harmonics that the fit took from its residual: omega_n and zeta."""
 
 
 class Misfit(NamedTuple):
