@@ -28,8 +28,8 @@ SHORTEST: Final = 2
 """Half cycles in the shortest window, besides the one that has just ended."""
 SAME_VOLTAGE: Final = 1e-4
 """Part of e_a by which a voltage must differ from the one before to count as another."""
-ASYMMETRY_MAX: Final = 0.25
-"""The fit takes a load bias as it is; but one of half of e_a leaves little to hold the actuator."""
+ASYMMETRY_MAX: Final = 0.2
+"""The fit takes a load bias as it is; but one of 0.4 e_a leaves little to hold the actuator."""
 
 
 class WaveEstimator(CycleEstimator):
