@@ -42,6 +42,7 @@ class Answer:
         newest: Samples of the newest cycle, shape (n,).
         repeats: What is not noise.
         widened: Factor on the fit's standard deviations: what repeats does not average.
+        step: Of the sensor, as told or as its samples show it [unit]; 0: fine.
     """
 
     window: Window
@@ -49,6 +50,7 @@ class Answer:
     newest: slice
     repeats: Misfit
     widened: float
+    step: float
 
     @classmethod
     def of(cls, window: Window, fit: Fit, period: float) -> Answer:
@@ -58,8 +60,11 @@ class Answer:
         repeats = misfit(window.t[-len(x) :], x, period)
         motion = window.noise.whiten(window.y - fit.residual)[newest]
         finest = FLOOR * float(np.ptp(motion)) / max(fit.noise * fit.colour, 1e-300)
-        widened = math.sqrt(repeats.excess) if repeats.chance < SUSPECT else 1.0
-        return cls(window, fit, newest, repeats, max(1.0, finest, widened))
+        step = 0.0 if window.integrated else max(window.resolution, steps_of(window.y))
+        cycles = float(window.t[-1] - window.t[0]) / period
+        counts = math.sqrt(1.0 + max(cycles - 1.0, 0.0) * repeating_counts(step, fit.noise))
+        seen = math.sqrt(repeats.excess) if repeats.chance < SUSPECT else 1.0
+        return cls(window, fit, newest, repeats, max(1.0, finest, seen, counts), step)
 
     @property
     def model(self) -> Array:
@@ -94,8 +99,7 @@ class Answer:
     @property
     def is_nonlinear(self) -> bool:
         """Whether what repeats is too large, and no chance or coarse sensor's work."""
-        step = max(self.window.resolution, steps_of(self.window.y))
-        coarse = self.repeats.size < step / math.sqrt(12.0)
+        coarse = self.repeats.size < self.step / math.sqrt(12.0)
         return self.repeats.chance < SURE and self.misfit > MISFIT_MAX and not coarse
 
     @property
@@ -130,3 +134,20 @@ def steps_of(y: Array) -> float:
     """The step of a coarse sensor as its samples show it [unit]; 0 where they seldom repeat."""
     values = np.unique(y)
     return float(np.median(np.diff(values))) if 2 < len(values) < 0.5 * len(y) else 0.0
+
+
+def repeating_counts(step: float, noise: float) -> float:
+    """Part of a residual's variance that is the error of counts which noise does not dither.
+
+    It repeats from cycle to cycle where the period is locked to the ticks, as it often is.
+
+    Args:
+        step: Of the sensor [unit].
+        noise: Standard deviation of the residual, the counts' own error included [unit].
+    """
+    if not step * noise > 0.0:
+        return 0.0
+    counts = step * step / 12.0
+    dither = max(noise * noise - counts, 0.0)
+    left = counts * math.exp(-min(4.0 * math.pi**2 * dither / step**2, 700.0))
+    return min(left / noise**2, 1.0)

@@ -27,6 +27,8 @@ LONGEST_STEP: Final = 0.5
 """In the logarithms of omega_n and zeta; a fifth of it, in radians at omega_n, for the delay."""
 EXACT: Final = 1e-10
 """Relative step below which rounding is all that is left."""
+ROUNDING: Final = 1e-12
+"""Size, as a part of the largest, of a column that whitening took away, as the constant of an integral."""
 SPLITS: Final = (0.5, 0.75)
 """Parts of the window after which the plant may have changed."""
 
@@ -216,7 +218,7 @@ class Search:
 def _inverse(gram: Array) -> Array:
     """Of a positive semidefinite matrix, scaled to ones on its diagonal; what it does not tell stays at 0."""
     scale = np.sqrt(gram.diagonal())
-    told = scale > 0.0
+    told = scale > ROUNDING * scale.max()
     factors = 1.0 / np.where(told, scale, np.inf)
     both = np.outer(factors, factors)
     return np.asarray(np.linalg.inv(gram * both + np.diag(np.where(told, 1e-14, 1.0))) * both)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from seod.config.resolution import resolution_of
 from seod.config.sensors import AbsoluteEncoderConfig, IncrementalEncoderConfig, LinearConfig
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, Row
+from seod.estimate.wave_answer import repeating_counts
 from sim.parameters import parameters
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
@@ -167,6 +169,17 @@ def test_a_coarse_sensor_is_not_nonlinear():
     assert words.count("nonlinear") + words.count("saturated") < 0.05 * len(words)
     z = [(a.zeta - 0.45) / a.zeta_sd for a in good(answers)]
     assert math.sqrt(np.mean(np.square(z))) < 2.0
+
+
+def test_counts_that_repeat_widen_the_interval_and_dither_makes_them_average():
+    assert repeating_counts(0.0, 1.0) == 0.0
+    assert repeating_counts(1.0, 1.0 / math.sqrt(12.0)) == pytest.approx(1.0)
+    assert repeating_counts(1.0, 1.0) < 1e-9
+    loop = Loop(*PLANTS[1], delay=1.0, step=0.02, noise=0.0)
+    coarse, fine = (
+        run(rows(x, 1.0))[-1] for x in (loop, replace(loop, step=0.0, noise=0.02 / math.sqrt(12.0)))
+    )
+    assert coarse.zeta_sd > 1.1 * fine.zeta_sd
 
 
 def test_a_slow_drift_is_followed_by_a_short_window():
