@@ -28,6 +28,8 @@ SHORTEST: Final = 2
 """Half cycles in the shortest window, besides the one that has just ended."""
 SAME_VOLTAGE: Final = 1e-4
 """Part of e_a by which a voltage must differ from the one before to count as another."""
+MOST_SAMPLES: Final = 40_000
+"""Kept at most, so that a relay that never switches fills no memory."""
 ASYMMETRY_MAX: Final = 0.2
 """The fit takes a load bias as it is; but one of 0.4 e_a leaves little to hold the actuator."""
 
@@ -60,6 +62,9 @@ class WaveEstimator(CycleEstimator):
     def listen(self, row: Row) -> None:
         """Take a row with a new sample."""
         self._samples.append((row.t, row.y))
+        if len(self._samples) > MOST_SAMPLES:
+            del self._samples[: MOST_SAMPLES // 2]
+            self._forget_voltages()
 
     def measure(self, switch: Switch, t: Array, y: Array) -> None:  # noqa: ARG002 (the fit looks at all samples)
         """A half cycle more may be in the window."""
@@ -116,6 +121,9 @@ class WaveEstimator(CycleEstimator):
         if self._length < len(switches):
             begin = switches[-1 - self._length].t
             del self._samples[: bisect_left(self._samples, (begin, -math.inf))]
+        self._forget_voltages()
+
+    def _forget_voltages(self) -> None:
         first = self._samples[0][0] if self._samples else math.inf
         count = bisect_left(self._voltages, (first - self._longest_delay(), -math.inf))
         del self._voltages[: max(count - 1, 0)]
@@ -129,7 +137,7 @@ class WaveEstimator(CycleEstimator):
     def _period(self) -> float:
         """Of the limit cycle, by its newest two half cycles [s]."""
         newest = self.record.durations[-2:]
-        return 2.0 * sum(newest) / len(newest)
+        return 2.0 * sum(newest) / max(len(newest), 1)
 
     def _window(self) -> Window | None:
         """What is to be fitted; None where it holds too little."""

@@ -12,7 +12,7 @@ from relay_truth import E_A, K_L, PLANTS, TICK, Loop, amplitude_of, rows, settin
 
 from seod.config.resolution import resolution_of
 from seod.config.sensors import AbsoluteEncoderConfig, IncrementalEncoderConfig, LinearConfig
-from seod.estimate import make_estimator
+from seod.estimate import make_estimator, wave
 from seod.estimate.base import Estimate, Row
 from seod.estimate.wave_answer import repeating_counts
 from sim.parameters import parameters
@@ -212,6 +212,16 @@ def test_a_wrong_gain_is_out_of_range():
 def test_an_actuator_that_stands_does_not_oscillate():
     feed = [Row(k * TICK, 1e-4, -E_A, k * TICK, 0.0, E_A, 0.0, exciting=True) for k in range(3000)]
     assert run(feed)[-1].quality == "no_oscillation"
+
+
+def test_a_relay_that_never_switches_fills_no_memory(monkeypatch):
+    monkeypatch.setattr(wave, "MOST_SAMPLES", 1000)
+    estimator = make_estimator(settings("wave", delay_sd=1e-4))
+    for k in range(20_000):
+        u = -E_A * (1.0 + 0.1 * (k % 2))  # the bias moves
+        estimator.update(Row(k * TICK, 1e-4, u, k * TICK, 0.0, E_A, 0.0, exciting=True))
+    assert len(estimator._samples) <= 1000
+    assert len(estimator._voltages) <= 1001
 
 
 def test_samples_that_never_change_bring_no_number():
