@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimate, Row
     from seod.estimate.limit_cycle import Array
     from seod.estimate.switches import Switch
-    from seod.estimate.wave_fit import Fit
 
 SHORTEST: Final = 2
 """Half cycles in the shortest window, besides the one that has just ended."""
 SAME_VOLTAGE: Final = 1e-4
 """Part of e_a by which a voltage must differ from the one before to count as another."""
+STARTS: Final = (0.2, 0.8)
+"""Values of zeta from which the search begins where nothing better is known."""
 MOST_SAMPLES: Final = 40_000
 """Kept at most, so that a relay that never switches fills no memory."""
 ASYMMETRY_MAX: Final = 0.2
@@ -92,28 +93,34 @@ class WaveEstimator(CycleEstimator):
         )
 
     def _fitted(self) -> Answer | None:
-        """From the fit before; where there is none, or that leads nowhere, from the describing function."""
+        """From the fit before; where that leads nowhere good, the best from other places as well."""
         self._forget()
         window = self._window()
         if window is None:
             return None
-        found = self._follow(window, self._newest.fit) if self._newest else None
-        if found is None:
-            start = self._start(window.y)
-            found = _converged(fit(window, start.omega_n, start.zeta)) if start else None
-        return Answer.of(window, found, self._period()) if found else None
+        answer = None
+        if self._newest:
+            before = self._newest.fit
+            answer = self._answer_from(window, Plant(before.omega_n, before.zeta), before.delay)
+        if answer is None or not answer.is_in_range or answer.is_nonlinear:
+            others = (self._answer_from(window, start) for start in self._starts(window.y))
+            answers = [each for each in (answer, *others) if each]
+            answer = min(answers, key=lambda each: each.fit.noise, default=None)
+        return answer
 
-    def _follow(self, window: Window, before: Fit) -> Fit | None:
-        return _converged(fit(window, before.omega_n, before.zeta, before.delay))
+    def _answer_from(self, window: Window, start: Plant, delay: float | None = None) -> Answer | None:
+        found = fit(window, start.omega_n, start.zeta, delay)
+        return Answer.of(window, found, self._period()) if found and found.converged else None
 
-    def _start(self, y: Array) -> Plant | None:
-        """The plant by frequency and amplitude, roughly."""
+    def _starts(self, y: Array) -> list[Plant]:
+        """The plant by frequency and amplitude and, as these tell little at first, by frequency alone."""
         half, lag = 0.5 * self._period(), max(self.settings.delay_s, 0.5 * self.settings.period_s)
         V_s = 0.5 * float(np.ptp(y))
         if not half * V_s > 0.0:
-            return None
+            return []
         measured = Measured(half, half, lag, lag, V_s)
-        return describing_function(measured, self.settings.hysteresis, self.record.K_L, self.record.e_a)
+        known = self.settings.hysteresis, self.record.K_L, self.record.e_a
+        return [describing_function(measured, *known), *(Plant(math.pi / half, zeta) for zeta in STARTS)]
 
     def _forget(self) -> None:
         """Drop what lies before the window, but for the voltage that was in force then."""
@@ -141,6 +148,8 @@ class WaveEstimator(CycleEstimator):
 
     def _window(self) -> Window | None:
         """What is to be fitted; None where it holds too little."""
+        if not self._samples or not self._voltages:
+            return None
         t_u, u = np.array(self._voltages).T
         t, y = np.array(self._samples).T
         inside = t >= t_u[0] + self._longest_delay()
@@ -193,7 +202,3 @@ class WaveEstimator(CycleEstimator):
             lag_s=self.record.now - 0.5 * float(answer.window.t[0] + answer.window.t[-1]),
             correlation=answer.correlation,
         )
-
-
-def _converged(found: Fit | None) -> Fit | None:
-    return found if found and found.converged else None
