@@ -27,6 +27,7 @@ import stream
 from seod.client import Client, ClientError
 from seod.machine import read_machine
 from seod.paths import configs_dir
+from seod.record.read import items
 from seod.ring import bin_edges_us
 
 if TYPE_CHECKING:
@@ -97,17 +98,15 @@ def watch(port: int, seconds: float) -> tuple[np.ndarray, int, int]:
 
 def gaps(record: Path) -> int:
     """Ticks that are missing in a recording."""
-    lines = record.read_text().splitlines()
-    tick = lines[0].split(",").index("tick")
-    ticks = [int(line.split(",")[tick]) for line in lines[1:]]
-    return ticks[-1] - ticks[0] + 1 - len(ticks)
+    ticks = np.concatenate([rows["tick"] for rows in items(record, ["motor"]) if not isinstance(rows, dict)])
+    return int(ticks[-1] - ticks[0]) + 1 - len(ticks)
 
 
 def run(seconds: float, crowded: bool) -> dict[str, float]:
     """One run of the daemon, with the crowd and the recorder or without."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        record = folder / "rows.csv" if crowded else None
+        record = folder / "rows.mcap" if crowded else None
         with daemon(folder, record) as port, contextlib.ExitStack() as stack:
             if crowded:
                 crowd = subprocess.Popen(

@@ -7,9 +7,11 @@ from importlib.metadata import entry_points
 from typing import cast
 
 from drivers.base import Driver, DriverError
+from drivers.light_can import import_light
 
 TABLE: dict[str, tuple[str, str]] = {
     "can": ("drivers.can", "CanDriver"),
+    "replay": ("drivers.replay", "ReplayDriver"),
     "virtual": ("drivers.virtual", "VirtualDriver"),
 }
 """Built-in drivers: kind -> (module, class)."""
@@ -31,6 +33,8 @@ def driver_class(kind: str) -> type[Driver]:
     """
     if kind in TABLE:
         module, name = TABLE[kind]
+        if kind == "can":
+            import_light()
         return cast("type[Driver]", getattr(import_module(module), name))
     for point in entry_points(group=ENTRY_POINTS, name=kind):
         return cast("type[Driver]", point.load())

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from seod import PROTOCOL, __version__
+from seod import PROTOCOL, __version__, data_commands
 from seod.commands import on_rig, over_tcp  # noqa: F401 - they register their commands
 from seod.commands.common import app, show
 
@@ -25,6 +25,10 @@ Version = Annotated[
 @app.callback()
 def options(version: Version = False) -> None:
     """Live damping ratio and natural frequency of hydraulic servo actuators."""
+
+
+app.command()(data_commands.info)
+app.command()(data_commands.export)
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from seod.config.load import load_rig
 from seod.process import write_memfd
+from seod.settings import on_clock
 from seod.supervisor import SupervisorArguments, become
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
     config = load_rig(config_path)
     lock(config.rig)
     config_fd = write_memfd("seod-config", config.model_dump_json().encode())
-    realtime = config.driver.get("realtime") is not False
     become(
         SupervisorArguments(
             config_fd=config_fd,
@@ -45,7 +45,7 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
             axes=len(config.axes),
             rows=ring_rows(config),
             priority=config.loop.priority,
-            hang_timeout=config.loop.hang_timeout if realtime else 0.0,
+            hang_timeout=config.loop.hang_timeout if on_clock(config) else 0.0,
             duration=duration,
             record=None if record is None else str(record.resolve()),
             parent=parent,

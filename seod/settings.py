@@ -10,7 +10,12 @@ from seod.gain import gain_range
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seod.config.model import AxisConfig
+    from seod.config.model import AxisConfig, RigConfig
+
+
+def on_clock(rig: RigConfig) -> bool:
+    """Whether the times of the rows are CLOCK_MONOTONIC now, not simulated nor recorded."""
+    return rig.driver["kind"] != "replay" and rig.driver.get("realtime") is not False
 
 
 def configured(axis: AxisConfig) -> dict[str, float]:

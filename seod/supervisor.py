@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from drivers.neutral import NeutralWriter, open_neutral
@@ -135,7 +136,10 @@ class Supervisor:
     def record(self) -> str | None:
         """File to record to; a gateway that was started again begins another one."""
         name, again = self.arguments.record, self.gateway_starts > 1
-        return f"{name}.{self.gateway_starts}" if name and again else name
+        if not (name and again):
+            return name
+        path = Path(name)
+        return str(path.with_suffix(f".start{self.gateway_starts}{path.suffix}"))
 
     def drop(self, child: Child) -> None:
         """Stop watching a child that ended."""

@@ -16,7 +16,8 @@ def run(
     path: ConfigPath,
     duration: Duration = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record all rows to this CSV file.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Record to this .mcap file, or rows to .csv."),
     ] = None,
     start: Annotated[bool, typer.Option("--start", help="Excite all axes at once.")] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show live estimates.")] = False,

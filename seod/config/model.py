@@ -268,6 +268,17 @@ class ServerConfig(Section):
     """Connections at a time."""
 
 
+class RecordConfig(Section):
+    """Recordings that `seod run --record FILE` makes."""
+
+    max_megabytes: Annotated[float, POSITIVE] | None = 1000.0
+    """An MCAP file that has reached this size is ended and the next one begun; null for never."""
+    max_time: Seconds | None = 3600.0
+    """Likewise after this time."""
+    bus_log: Annotated[str, Field(min_length=1)] | None = None
+    """Raw frames of the CAN bus into this file, in the format of its suffix: .blf, .asc, .log, .mf4."""
+
+
 class RigConfig(Section):
     """A whole rig file."""
 
@@ -284,5 +295,6 @@ class RigConfig(Section):
     excitation: OrderConfig = OrderConfig()
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
+    record: RecordConfig = RecordConfig()
     simulation: SimulationConfig | None = None
     """Present only for simulated rigs: the truth that `seod rig` and the virtual driver simulate."""

@@ -112,8 +112,11 @@ class Axis:
         return measured.sd
 
     def change(self, values: dict[str, Any]) -> None:
-        """New settings are in force: the estimator begins anew with them."""
-        self.settings.update({key: values[key] for key in values if key in self.settings})
+        """New settings are in force: the estimator begins anew with them, unless they were so already."""
+        changed = {key: value for key, value in values.items() if self.settings.get(key, value) != value}
+        if not changed:
+            return
+        self.settings.update(changed)
         self._estimator = self.make(self._estimator_settings())
 
     def interrupted(self) -> None:

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any
 from seod.config.model import RigConfig
 from seod.estimate import make_estimator
 from seod.gateway.hub import Hub
-from seod.gateway.record import CsvRecorder
+from seod.gateway.recording import Recording
 from seod.gateway.rig import Rig
 from seod.gateway.server import Server, ServerError
 from seod.gateway.service import Service
 from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
+from seod.record.opening import BusLogError, open_bus_log, open_recorder
 from seod.ring import Shared, Word
+from seod.settings import on_clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,20 +43,20 @@ class Gateway:
         config: The rig file.
         shared: The memory shared with the loop.
         link: Socket to the supervisor.
-        base: Folder of the rig file.
+        rig_file: The rig file; paths in it start from its folder.
         record: File to record to, or None.
     """
 
     def __init__(
-        self, config: RigConfig, shared: Shared, link: socket.socket, base: Path, record: Path | None
+        self, config: RigConfig, shared: Shared, link: socket.socket, rig_file: Path, record: Path | None
     ) -> None:
         self._link = link
         self._ended = asyncio.Event()
         hub = Hub()
-        recorder = None if record is None else open_recorder(record, list(config.axes))
+        recording = start_recording(record, config, rig_file)
         clock = clock_of(config, shared)
-        self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recorder)
-        self.server = Server(config.server, base, Service(config.server, self.rig, hub), hub)
+        self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recording)
+        self.server = Server(config.server, rig_file.parent, Service(config.server, self.rig, hub), hub)
         self.rig.clients = self.server.clients
 
     def end(self) -> None:
@@ -95,21 +97,35 @@ class Gateway:
         send_json(self._link, {"op": "restart_loop"})
 
 
-def open_recorder(path: Path, axes: list[str]) -> CsvRecorder:
-    """Start recording.
+def start_recording(path: Path | None, config: RigConfig, rig_file: Path) -> Recording:
+    """Start recording to a file, if one is given, and logging the bus, if the rig file asks for it.
 
     Raises:
-        GatewayError: The file cannot be had.
+        GatewayError: A file, or the bus, cannot be had.
     """
     try:
-        return CsvRecorder(path, axes)
+        bus_log = open_bus_log(config, rig_file.parent)
+    except BusLogError as error:
+        raise GatewayError(str(error)) from error
+    try:
+        recorder = None if path is None else open_recorder(path, config, text_of(rig_file, config))
     except OSError as error:
+        Recording(bus_log=bus_log).close()
         raise GatewayError(f"cannot record to {path}: {error.strerror or error}") from error
+    return Recording(recorder, bus_log)
+
+
+def text_of(rig_file: Path, config: RigConfig) -> str:
+    """The rig file; where it was taken away meanwhile, what was read of it."""
+    try:
+        return rig_file.read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return config.model_dump_json(indent=1)
 
 
 def clock_of(config: RigConfig, shared: Shared) -> Callable[[], float]:
-    """The clock of the rows: simulated time passes with the ticks, real time is CLOCK_MONOTONIC."""
-    if config.driver.get("realtime") is False:
+    """The clock of the rows: simulated and recorded time pass with the ticks, else it is CLOCK_MONOTONIC."""
+    if not on_clock(config):
         return lambda: shared.floats[Word.TICK_TIME_D]
     return time.monotonic
 
@@ -130,7 +146,7 @@ async def serve(arguments: ChildArguments, link: socket.socket) -> None:
     shared = Shared(arguments.axes, arguments.rows, arguments.shared_fd)
     record = None if arguments.record is None else Path(arguments.record)
     try:
-        gateway = Gateway(config, shared, link, Path(arguments.config_path).parent, record)
+        gateway = Gateway(config, shared, link, Path(arguments.config_path), record)
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, gateway.end)
         await gateway.run()

@@ -13,8 +13,10 @@ from seod.config.truth import truth
 from seod.gateway.estimation import Axis, message, sample_message
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
-from seod.gateway.record import WAITING_ROWS, CsvRecorder
+from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
+from seod.record.layout import ESTIMATES, EVENTS, HEALTH
+from seod.record.recorder import WAITING_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -47,7 +49,7 @@ class Rig:
         make: Makes an estimator.
         clock: Time of the rows [s]: CLOCK_MONOTONIC, or simulated time.
         restart_loop: Asks the supervisor for a new loop process.
-        recorder: Takes all rows, or None.
+        recording: Takes all rows, estimates and events, and health.
     """
 
     def __init__(
@@ -58,7 +60,7 @@ class Rig:
         make: Callable[[EstimatorSettings], Estimator],
         clock: Callable[[], float],
         restart_loop: Callable[[], None],
-        recorder: CsvRecorder | None = None,
+        recording: Recording | None = None,
     ) -> None:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
@@ -74,8 +76,7 @@ class Rig:
         self._truth = truth(config) or None
         self._shared = shared
         self._hub = hub
-        self._recorder = recorder
-        self._record_error = ""
+        self._recording = recording or Recording()
         self._reader = RowReader(shared)
         self._rows_lost = 0
         self._health = Health(shared)
@@ -84,29 +85,29 @@ class Rig:
 
     def poll(self) -> None:
         """Take events and rows, publish what they bring."""
+        head = self._reader.head  # what is written after it may come after an event that was not yet seen
         for event in self._events():
             self._on_event(event)
         self._hub.flush()  # what happened comes before what was measured since
         now = self.now()
-        rows = None if self._held_back() else self._reader.take()
+        rows = None if self._held_back() else self._reader.take(head)
         if rows is not None and len(rows):
             self._last_rows = now
             self.mailbox.rows_come()
             self._on_rows(rows)
         elif now - self._last_rows > SILENCE_S:
             self._note_silence()
-        self._note_recorder()
+        for news in self._recording.news():
+            self._warn("recording", news)
         if now >= self._next_health:
             self._next_health = now + HEALTH_S
-            self._health.measure(now)
-            self._hub.publish("health", None, now, self.health)
+            self._publish_health(now)
         self._hub.flush()
 
     def _held_back(self) -> bool:
         """Simulated time waits for who takes its rows, so that the recorder can be waited for as well."""
-        if self._recorder is None or self._config.driver.get("realtime") is not False:
-            return False
-        return self._recorder.waiting > WAITING_ROWS // 2
+        fast = self._config.driver.get("realtime") is False
+        return fast and self._recording.waiting > WAITING_ROWS // 2
 
     def _events(self) -> Iterator[Event]:
         try:
@@ -127,6 +128,8 @@ class Rig:
             axis.enter(event["t"], event["state"])
         elif kind == "changed" and axis is not None:
             axis.change(event["values"])
+        elif kind == "warning" and event["code"] == "rows_lost":  # in a recording that is replayed
+            self._interrupt()
         self._publish_event(event)
 
     def _on_started(self, event: Event) -> None:
@@ -141,9 +144,8 @@ class Rig:
             self._publish_newest(self.axes[name])
 
     def _on_rows(self, rows: NDArray[np.void]) -> None:
-        if self._recorder is not None:
-            self._recorder.add(rows)
         self._note_lost()
+        self._recording.add(rows)
         ticks = rows["tick"].tolist()
         for index, axis in enumerate(self.axes.values()):
             block: list[RowTuple] = rows["axes"][:, index].tolist()
@@ -165,9 +167,12 @@ class Rig:
         lost = self._reader.lost - self._rows_lost
         if lost:
             self._rows_lost += lost
-            for axis in self.axes.values():
-                axis.interrupted()
+            self._interrupt()
             self._warn("rows_lost", f"{lost} rows were overwritten before the gateway could take them")
+
+    def _interrupt(self) -> None:
+        for axis in self.axes.values():
+            axis.interrupted()
 
     def _note_silence(self) -> None:
         for axis in self.axes.values():
@@ -175,20 +180,23 @@ class Rig:
                 axis.stale = True
                 self._publish_newest(axis)
 
-    def _note_recorder(self) -> None:
-        error = "" if self._recorder is None else self._recorder.error
-        if error != self._record_error:
-            self._record_error = error
-            self._warn("recording", error or "recording goes on")
-
     def _publish_event(self, event: Event) -> None:
+        self._recording.note(EVENTS, event["t"], event)
         self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
+
+    def _publish_health(self, now: float) -> None:
+        self._health.measure(now)
+        health = self.health()
+        self._recording.note(HEALTH, now, health)
+        self._hub.publish("health", None, now, lambda: health)
 
     def _publish_sample(self, axis: str, tick: int, row: RowTuple) -> None:
         self._hub.publish("sample", axis, row[0], lambda: sample_message(axis, tick, row))
 
     def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
-        self._hub.publish("estimate", axis, estimate.t, lambda: message(axis, estimate, self.now()))
+        params = message(axis, estimate, self.now())
+        self._recording.note(ESTIMATES + axis, estimate.t, params)
+        self._hub.publish("estimate", axis, estimate.t, lambda: params)
 
     def _publish_newest(self, axis: Axis) -> None:
         newest = axis.newest(self.now())
@@ -268,7 +276,7 @@ class Rig:
             "rows_lost": self._reader.lost,
             "events_lost": self._shared.events.lost,
             "clients": self.clients(),
-            "recorder": None if self._recorder is None else self._recorder.report(),
+            **self._recording.report(),
             "realtime": self._realtime(),
         }
 
@@ -276,5 +284,4 @@ class Rig:
         """Take the last rows, end the recording, let go of the memory."""
         self.poll()
         self._reader.close()
-        if self._recorder is not None:
-            self._recorder.close()
+        self._recording.close()

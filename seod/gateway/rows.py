@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.ring import AXIS_FIELDS, Word
+from seod.record.layout import row_dtype
+from seod.ring import Word
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,12 +16,6 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 1024
 """Most rows taken at once, so that catching up never holds up the clients."""
-
-
-def row_dtype(axes: int) -> np.dtype[np.void]:
-    """`Shared.row_struct` as a structured type: tick, tick_t [s], and one `axes` record for each axis."""
-    axis = [(name, "<f8") for name in AXIS_FIELDS] + [("state", "<i8"), ("flags", "<i8")]
-    return np.dtype([("tick", "<i8"), ("tick_t", "<f8"), ("axes", axis, (axes,))])
 
 
 class RowReader:
@@ -43,10 +38,20 @@ class RowReader:
         """A new loop process begins: its ticks may count from anywhere."""
         self._last_tick = -1
 
-    def take(self) -> NDArray[np.void]:
-        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,)."""
+    @property
+    def head(self) -> int:
+        """Rows that the loop has written so far."""
+        head: int = self._ring.head[0]
+        return head
+
+    def take(self, upto: int | None = None) -> NDArray[np.void]:
+        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,).
+
+        Args:
+            upto: An earlier `head`: rows that came later are left for the next call.
+        """
         tail, head = self._ring.pending()
-        head = min(head, tail + MAX_ROWS)
+        head = min(head if upto is None else max(upto, tail), tail + MAX_ROWS)
         rows = self._slots[np.arange(tail, head) % len(self._slots)]
         self._ring.tail = head
         self._words[Word.CONSUMED] = head

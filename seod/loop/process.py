@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import socket
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from drivers import driver_class
 from drivers.base import Driver, DriverError
@@ -21,6 +21,8 @@ from seod.ring import AxisState, Shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from drivers.replay import ReplayDriver
 
 
 def make_driver(config: RigConfig, clock: Callable[[], float]) -> Driver:
@@ -59,6 +61,8 @@ def main() -> int:
         send_json(link, {"loop": "failed", "why": str(error)})
         return 1
     send_json(link, {"loop": "open", "recipe": dict(driver.neutral_recipe())})
+    if config.driver["kind"] == "replay":
+        return replay(config, driver, shared, arguments.generation, link)
     refused = enter_realtime(config.loop.priority, config.loop.cpu)
     if config.loop.pace == "sensor" and not isinstance(pacer, SimulatedPacer):
         pacer = SensorPacer(driver, 1.0 / config.loop.rate_hz)
@@ -66,6 +70,23 @@ def main() -> int:
     install_signals(loop)
     announce(loop, refused)
     send_json(link, {"loop": "ready", "warnings": refused})
+    loop.run()
+    return 0
+
+
+def replay(config: RigConfig, driver: Driver, shared: Shared, generation: int, link: socket.socket) -> int:
+    """Play a recording, at ordinary priority."""
+    from seod.loop.replay import Replay  # noqa: PLC0415 - a loop that moves a rig has no need of it
+
+    try:
+        loop = Replay(config, cast("ReplayDriver", driver), shared, generation)
+    except DriverError as error:
+        send_json(link, {"loop": "failed", "why": str(error)})
+        return 1
+    signal.signal(signal.SIGTERM, lambda *_: setattr(loop, "ending", True))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+    send_json(link, {"loop": "ready", "warnings": []})
     loop.run()
     return 0
 

@@ -203,7 +203,7 @@ async def running(
     ours.setblocking(False)
     if started:
         loop.start()
-    gateway = Gateway(rig_config(axes, **server), loop.shared, theirs, base, record)
+    gateway = Gateway(rig_config(axes, **server), loop.shared, theirs, base / "rig.yaml", record)
     run = Running(gateway, loop, ours)
     serving = asyncio.create_task(gateway.run())
     answering = asyncio.create_task(loop.keep_answering())

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Protocol
 
 import can
 import pytest
+from record_rows import rows, write_recording
 
 from drivers import TABLE, driver_class
 from drivers.base import NO_SAMPLE, Driver, DriverError, DriverStateError
@@ -128,7 +131,41 @@ class VirtualBench:
         pass
 
 
-BENCHES = {"can": CanBench, "virtual": VirtualBench}
+@functools.cache
+def ten_seconds() -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.mcap"
+        write_recording(path, rows(20_000))
+        return path.read_bytes()
+
+
+class ReplayBench:
+    """The `replay` driver in real time on ten seconds of a recording; its commands go nowhere."""
+
+    inputs = ("angle", "pressure")
+    outputs = ("valve",)
+    simulated = False
+    silent = False
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.folder = TemporaryDirectory()
+        path = Path(self.folder.name) / "a.mcap"
+        path.write_bytes(ten_seconds())
+        kind = driver_class("replay")
+        self.driver: Driver = kind(kind.Options.model_validate({"kind": "replay", "file": str(path)}), clock)
+        self.seen: list[list[float]] = []
+        self._watch()
+
+    _watch = VirtualBench._watch
+    commands = VirtualBench.commands
+    sample = VirtualBench.sample
+    cut = VirtualBench.cut
+
+    def close(self) -> None:
+        self.folder.cleanup()
+
+
+BENCHES = {"can": CanBench, "replay": ReplayBench, "virtual": VirtualBench}
 
 
 def test_every_built_in_driver_is_under_contract() -> None:

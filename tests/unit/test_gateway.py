@@ -4,6 +4,7 @@ import math
 import os
 import socket
 import subprocess
+from pathlib import Path
 
 import pytest
 from fake_loop import DEADLINE_S, PERIOD, FakeLoop, eventually, hear, peer, rig_config, running
@@ -325,7 +326,9 @@ async def test_the_gateway_ends_with_its_supervisor(how):
     loop = FakeLoop()
     theirs, ours = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs, ours:
-        serving = asyncio.create_task(Gateway(rig_config(), loop.shared, theirs, rig_config, None).run())
+        serving = asyncio.create_task(
+            Gateway(rig_config(), loop.shared, theirs, Path("rig.yaml"), None).run()
+        )
         await asyncio.sleep(0.02)
         ours.send(b'{"stop":true}') if how == "told" else ours.close()
         async with asyncio.timeout(DEADLINE_S):

@@ -110,7 +110,7 @@ async def test_a_recording_that_fails_is_told_and_the_stream_goes_on(tmp_path):
 
 def test_a_recording_that_cannot_begin_is_refused(tmp_path):
     with pytest.raises(GatewayError, match=r"cannot record to .*: No such file"):
-        gateway.open_recorder(tmp_path / "no" / "a.csv", ["motor"])
+        gateway.start_recording(tmp_path / "no" / "a.csv", rig_config(), tmp_path / "rig.yaml")
 
 
 async def test_on_simulated_time_ages_are_simulated_as_well():

@@ -89,9 +89,9 @@ class Bench:
 
 
 @contextmanager
-def run_daemon(rig: Rpc, config: Path, log_directory: Path) -> Iterator[Bench]:
+def run_daemon(rig: Rpc, config: Path, log_directory: Path, *arguments: str) -> Iterator[Bench]:
     """`seod run`, once its loop ticks; its output is shown with failures."""
-    program = Program(log_directory / "log", "run", config)
+    program = Program(log_directory / "log", "run", config, *arguments)
     try:
         bench = Bench(rig, program)
         yield bench

@@ -24,7 +24,7 @@ import numpy as np
 from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class CsvLines:
         self._last = [(math.nan, math.nan)] * axes
 
     def lines(self, rows: NDArray[np.void]) -> str:
-        """One line for each row (dtype `seod.gateway.rows.row_dtype`)."""
+        """One line for each row (dtype `seod.record.layout.row_dtype`)."""
         parts = []
         columns = (rows[name].tolist() for name in ("tick", "tick_t", "axes"))
         for tick, t_tick, axes in zip(*columns, strict=True):
@@ -154,12 +154,15 @@ class CsvRecorder:
         return self._taken - self._written - self._failed
 
     def add(self, rows: NDArray[np.void]) -> None:
-        """Take rows (dtype `seod.gateway.rows.row_dtype`) to be written soon; never waits."""
+        """Take rows (dtype `seod.record.layout.row_dtype`) to be written soon; never waits."""
         if self.waiting + len(rows) > WAITING_ROWS:
             self._refused += len(rows)
             return
         self._taken += len(rows)
         self._queue.put(rows)
+
+    def note(self, topic: str, t: float, message: Mapping[str, Any]) -> None:
+        """Estimates, events and health have no place among these columns."""
 
     def report(self) -> dict[str, Any]:
         """For `health`: file, rows written, rows lost, and what is wrong (null if nothing is)."""

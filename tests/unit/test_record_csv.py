@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from seod.gateway import record
-from seod.gateway.record import CsvFile, CsvLines, CsvRecorder, header
-from seod.gateway.rows import row_dtype
+from seod.record import csv_recorder as record
+from seod.record.csv_recorder import CsvFile, CsvLines, CsvRecorder, header
+from seod.record.layout import row_dtype
 from seod.ring import FLAG_FRESH, AxisState
 
 DEADLINE_S = 20.0

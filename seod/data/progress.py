@@ -1,0 +1,28 @@
+"""A progress bar for work that takes long, where somebody is looking."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from seod.data.source import Block
+
+
+def shown(blocks: Iterable[Block], what: str) -> Iterator[Block]:
+    """Pass the blocks on; on a terminal with a bar on stderr, which goes away in the end."""
+    if not sys.stderr.isatty():
+        yield from blocks
+        return
+    from rich.console import Console  # noqa: PLC0415 - only where it is seen
+    from rich.progress import Progress  # noqa: PLC0415
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(what, total=1.0)
+        done = 0.0
+        for block in blocks:
+            done = max(done, block.done)
+            progress.update(task, completed=done)
+            yield block

@@ -1,0 +1,98 @@
+"""`seod info` and `seod export`. Readers are imported only when one of them runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Recorded = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="CSV (.gz), Parquet, MAT, MCAP, MDF, or a CAN log.", show_default=False
+    ),
+]
+Dbc = Annotated[Path | None, typer.Option(metavar="FILE", help="DBC of a CAN log.")]
+Columns = Annotated[
+    str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
+]
+Units = Annotated[
+    str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+]
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """Say what went wrong on stderr and exit with 1."""
+    from seod.data.source import ReadError  # noqa: PLC0415 - numpy
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    except (ReadError, OSError) as error:
+        print(f"seod: {error}", file=sys.stderr)  # noqa: T201
+        raise typer.Exit(1) from None
+
+
+def info(
+    path: Recorded,
+    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
+    plot: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the columns into a file.")] = None,
+    columns: Columns = "",
+    dbc: Dbc = None,
+) -> None:
+    """Show what is in a recording: columns, rates, gaps, ranges."""
+    with _plain_errors():
+        from seod.data import open_source  # noqa: PLC0415
+        from seod.data.columns import parse_pairs  # noqa: PLC0415
+        from seod.data.show import as_text  # noqa: PLC0415
+        from seod.data.show import plot as draw  # noqa: PLC0415
+        from seod.data.summary import summarize  # noqa: PLC0415
+
+        time = parse_pairs(columns, "--columns").get("t") if columns else None
+        with open_source(path, dbc) as source:
+            summary = summarize(source, time, bins=1000 if plot else 60)
+        if plot is not None:
+            draw(summary, plot)
+        sys.stdout.write((json.dumps(summary.as_json()) if as_json else as_text(summary)) + "\n")
+
+
+def export(
+    path: Recorded,
+    to: Annotated[Literal["csv", "parquet", "mat", "mdf"], typer.Option(help="Format.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Instead of beside the recording.")] = None,
+    columns: Columns = "",
+    units: Units = "",
+    axis: Annotated[str | None, typer.Option(help="Only t, u, y ... of this axis.")] = None,
+    group: Annotated[list[str] | None, typer.Option(help="Only this group; may be repeated.")] = None,
+    dbc: Dbc = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Write a recording in the form of other tools: all columns as they are, or t, u, y ... in SI units.
+
+    With --columns, --units or --axis only the standard columns are written, in SI units, in increasing time.
+    """
+    with _plain_errors():
+        from seod.data import open_source, read  # noqa: PLC0415
+        from seod.data.export import as_table, default_path  # noqa: PLC0415
+        from seod.data.export import export as write  # noqa: PLC0415
+
+        target = out or default_path(path, to)
+        if columns or units or axis:
+            recording = read(path, columns, units, axis, dbc)
+            done = write(as_table(recording), to, target, overwrite=force)
+            done.said += map(str, recording.problems)
+        else:
+            with open_source(path, dbc) as source:
+                done = write(source, to, target, group or (), overwrite=force)
+        for line in done.said:
+            print(line, file=sys.stderr)  # noqa: T201
+        sys.stdout.write("".join(f"{file}\n" for file in done.files))

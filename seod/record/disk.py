@@ -1,0 +1,79 @@
+"""File on a disk that may be full, slow or gone: what it does not take at once waits in memory, in order."""
+
+from __future__ import annotations
+
+import errno
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EAGAIN, errno.EINTR})
+"""Errors after which the same bytes may be taken later; after any other the file is given up."""
+
+
+class DiskFile:
+    """Takes a stream of bytes (`write`, `tell`, `flush` as `mcap` wants them); `sync` brings it to the disk.
+
+    A file that has content already is kept as `NAME~`.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.is_file() and path.stat().st_size:
+            path.replace(path.with_name(path.name + "~"))
+        self.path = path
+        self._taken = 0
+        self._waiting = bytearray()
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        try:
+            sync_directory(path.parent)
+        except OSError:
+            os.close(self._fd)
+            raise
+
+    def write(self, data: bytes) -> int:
+        """Take bytes into memory."""
+        self._waiting += data
+        self._taken += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes taken so far."""
+        return self._taken
+
+    def flush(self) -> None:
+        """Nothing: `sync` decides when the disk is bothered."""
+
+    def sync(self) -> None:
+        """Write what waits and wait until the disk has it.
+
+        Raises:
+            OSError: It has not; what it did not take goes on waiting. `FileNotFoundError`: it was deleted.
+        """
+        if os.fstat(self._fd).st_nlink == 0:
+            raise FileNotFoundError(errno.ENOENT, "the file was deleted")
+        while self._waiting:
+            written = os.write(self._fd, self._waiting)
+            del self._waiting[:written]
+        os.fdatasync(self._fd)
+
+    def close(self) -> None:
+        """Close; a disk that is gone may refuse even that, and then there is nothing left to close.
+
+        Raises:
+            OSError: Refused.
+        """
+        os.close(self._fd)
+
+
+def sync_directory(path: Path) -> None:
+    """Bring a folder's list of names to the disk: a file whose name is lost is lost."""
+    fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)

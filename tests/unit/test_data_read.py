@@ -1,0 +1,274 @@
+"""Recordings: which column is which, units, wrong times, missing values, parts and groups."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seod.data import ReadError, read
+from seod.data.align import commands, held
+from seod.data.clock import Clock
+from seod.data.columns import parse_pairs, resolve
+from seod.data.source import Column, Group, Table
+from seod.data.units import split_header
+
+SHARED = Path(os.environ.get("SEOD_SHARED", Path(__file__).parents[3] / "shared")) / "data"
+
+
+def table(tmp_path, **columns):
+    """A source of one group; `motor__y` becomes `motor.y`."""
+    arrays = {name.replace("__", "."): np.asarray(x, float) for name, x in columns.items()}
+    return Table(tmp_path / "x", "test", (Group("", tuple(map(Column, arrays))),), {"": arrays})
+
+
+def write(tmp_path, text, name="run.csv"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+# Columns
+
+
+def test_pairs():
+    assert parse_pairs("t=time, y = pos", "--columns") == {"t": "time", "y": "pos"}
+    assert parse_pairs("t=motor.t,u=a=b", "--columns") == {"t": "motor.t", "u": "a=b"}
+    for text, message in (
+        ("t", r"--columns: 't' is not NAME=COLUMN"),
+        ("y=", r"'y=' is not"),
+        ("y=a,y=b", "y is given twice"),
+        ("yy=a", r"no 'yy' in a recording; did you mean 'y'\?"),
+    ):
+        with pytest.raises(ReadError, match=message):
+            parse_pairs(text, "--columns")
+
+
+def test_an_axis_is_chosen_by_name_or_because_it_is_the_only_one(tmp_path):
+    one = {"motor__t": [0], "motor__u": [1], "motor__y": [2], "tick": [0]}
+    found = resolve(table(tmp_path, **one), {}, {})
+    assert {role: each.column.name for role, each in found.items()} == {
+        "t": "motor.t",
+        "u": "motor.u",
+        "y": "motor.y",
+    }
+    two = {**one, "roll__t": [0], "roll__u": [1], "roll__y": [2], "roll__ps": [3]}
+    found = resolve(table(tmp_path, **two), {}, {}, axis="roll")
+    assert found["ps"].column.name == "roll.ps"
+    with pytest.raises(ReadError, match=r"axes motor, roll: choose one, `--columns t=motor\.t,u=motor\.u"):
+        resolve(table(tmp_path, **two), {}, {})
+    with pytest.raises(ReadError, match=r"no axis 'yaw'; known axes: motor, roll"):
+        resolve(table(tmp_path, **two), {}, {}, axis="yaw")
+    found = resolve(table(tmp_path, **two), {"t": "roll.t", "u": "roll.u", "y": "motor.y"}, {})
+    assert found["y"].column.name == "motor.y"
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ({"y": "parsec"}, r"column 'y': unit 'parsec' is not known"),
+        ({"t": "V"}, r"column 't': t cannot be in V"),
+        ({"ps": "mm"}, r"column 'ps': ps cannot be in mm; .*MPa"),
+    ],
+)
+def test_units_that_cannot_be(units, message, tmp_path):
+    with pytest.raises(ReadError, match=message):
+        resolve(table(tmp_path, t=[0], u=[0], y=[0], ps=[0]), {}, units)
+
+
+def test_units_of_the_file_and_of_the_user(tmp_path):
+    text = "t [ms],u,y [mm],ps [bar],temperature [°C]\n0,1,2,70,40\n500,1,3,80,50\n"
+    recording = read(write(tmp_path, text), units="u=mV")
+    assert recording.t.tolist() == [0.0, 0.5]
+    assert recording.u.tolist() == [0.001, 0.001]
+    assert recording.y == pytest.approx([0.002, 0.003])
+    assert recording.ps == pytest.approx([7e6, 8e6])
+    assert recording.temperature == pytest.approx([313.15, 323.15])
+    expected = {"t": "s", "u": "V", "y": "m", "ps": "Pa", "temperature": "K"}
+    assert recording.units == expected
+    assert read(write(tmp_path, text), units="y=deg").units["y"] == "rad"  # the user is right
+
+
+def test_a_unit_that_nobody_knows_stays_as_it_is(tmp_path):
+    recording = read(write(tmp_path, "t,u,y [counts]\n0,1,2\n1,1,3\n"))
+    assert (recording.y.tolist(), recording.units["y"]) == ([2.0, 3.0], "counts")
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"),
+    [
+        ("pos [deg]", ("pos", "deg")),
+        ("pos (°)", ("pos", "deg")),
+        ("pos / mm", ("pos", "mm")),
+        ("Speed [U/min]", ("Speed", "rpm")),
+        ("data[2]", ("data[2]", "")),
+        ("force (left)", ("force (left)", "")),
+        ("ratio [-]", ("ratio", "")),
+        ("m/s", ("m/s", "")),
+        ("[deg]", ("[deg]", "")),
+    ],
+)
+def test_units_in_headers(cell, expected):
+    assert split_header(cell) == expected
+
+
+# Times
+
+
+def rows_of(problems):
+    return {problem.kind: problem.rows.tolist() for problem in problems}
+
+
+def test_times_that_do_not_increase_are_left_out_and_said(tmp_path):
+    path = write(tmp_path, "t,u,y\n0,1,0\n1,1,1\n1,1,2\n2,1,3\n1.5,1,4\n1.7,1,5\n,1,6\n3,1,7\n4,1,8\n")
+    recording = read(path)
+    assert recording.t.tolist() == [0, 1, 2, 3, 4]
+    assert recording.y.tolist() == [0, 1, 3, 7, 8]
+    assert recording.rows.tolist() == [2, 3, 5, 9, 10]
+    assert rows_of(recording.problems) == {"missing": [8], "duplicate": [4], "decreasing": [6, 7]}
+    told = [str(problem) for problem in recording.problems]
+    assert f"{path}: row 6: column 't': goes back in time, by up to 0.5 s: 2 rows left out" in told
+
+
+def test_gaps_and_uneven_sampling(tmp_path):
+    t = np.delete(np.arange(100) * 0.01, [50, 51, 52, 80])
+    clock = Clock(tmp_path, "t")
+    clock.add(t, np.arange(len(t)))
+    problems = list(clock.problems())
+    assert rows_of(problems) == {"gap": [50, 77]}
+    assert problems[0].message == "2 gaps, the longest of 0.04 s; 0.04 s are missing in all"
+    jittery = np.arange(1000) * 0.01 + np.random.default_rng(1).uniform(0, 0.004, 1000)
+    clock = Clock(tmp_path, "t")
+    clock.add(jittery, np.arange(1000))
+    assert "uneven" in rows_of(clock.problems())
+
+
+@settings(deadline=None)
+@given(
+    t=st.lists(st.one_of(st.integers(0, 20).map(float), st.just(float("nan"))), max_size=30),
+    cuts=st.lists(st.integers(0, 30), max_size=4),
+)
+def test_a_clock_sees_the_same_in_one_block_or_in_many(t, cuts):
+    times = np.array(t, float)
+    rows = np.arange(len(t))
+    whole = Clock(Path("x"), "t")
+    kept = whole.add(times, rows)
+    good = times[kept]
+    expected, newest = [], -1.0
+    for value in t:  # by hand
+        expected.append(value > newest)
+        newest = max(newest, value) if value == value else newest
+    assert kept.tolist() == expected
+    assert (np.diff(good) > 0).all()
+    many = Clock(Path("x"), "t")
+    edges = sorted({0, len(t), *(min(cut, len(t)) for cut in cuts)})
+    parts = [many.add(times[a:b], rows[a:b]) for a, b in pairwise(edges)]
+    assert np.concatenate([np.array([], bool), *parts]).tolist() == kept.tolist()
+    left_out = {"missing", "duplicate", "decreasing"}
+    told = [{k: v for k, v in rows_of(c.problems()).items() if k in left_out} for c in (whole, many)]
+    assert told[0] == told[1]
+    assert (many.count, many.longest) == (whole.count, whole.longest)
+
+
+# Values
+
+
+def test_a_clipped_sensor_is_noticed_and_standstill_is_not(tmp_path):
+    t = np.arange(2000) * 1e-3
+    y = np.round(np.sin(2 * np.pi * 3 * t) * 1000) / 1000
+    rows = "".join(f"{a!r},0,{b!r}\n" for a, b in zip(t.tolist(), y.tolist(), strict=True))
+    assert not read(write(tmp_path, "t,u,y\n" + rows)).problems
+    clipped = np.clip(y, -2.0, 0.8)
+    rows = "".join(f"{a!r},0,{b!r}\n" for a, b in zip(t.tolist(), clipped.tolist(), strict=True))
+    (problem,) = read(write(tmp_path, "t,u,y\n" + rows)).problems
+    assert (problem.kind, problem.column, len(problem.rows)) == ("clipped", "y", 6)
+    still = np.where(t < 1.0, 0.0, 1.0 - np.cos(6 * (t - 1.0)))
+    rows = "".join(f"{a!r},0,{b!r}\n" for a, b in zip(t.tolist(), still.tolist(), strict=True))
+    assert not read(write(tmp_path, "t,u,y\n" + rows)).problems
+
+
+def test_columns_that_are_empty_are_not_there(tmp_path):
+    recording = read(write(tmp_path, "t,u,y,t_u,ps\n0,1,2,,\n1,1,3,,\n"))
+    assert recording.t_u is None
+    assert recording.ps is None
+    assert recording.problems == ()
+    recording = read(write(tmp_path, "t,u,y,t_u,ps\n0,1,2,0.1,7e6\n1,1,3,1.1,7e6\n"))
+    assert recording.t_u.tolist() == [0.1, 1.1]
+    assert recording.ps.tolist() == [7e6, 7e6]
+
+
+def test_infinite_values_are_said(tmp_path):
+    recording = read(write(tmp_path, "t,u,y\n0,1,2\n1,1,inf\n"))
+    assert rows_of(recording.problems) == {"infinite": [3]}
+
+
+# Groups and parts
+
+
+def test_commands_between_samples_and_held_ones():
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    u, t_u, lost = commands(t, np.array([-0.5, 0.1, 2.2, 2.4, 9.0]), np.array([5.0, 6.0, 7.0, 8.0, 9.0]))
+    assert u.tolist() == [6.0, 6.0, 8.0, 8.0]
+    assert t_u.tolist() == [0.1, 1.0, 2.4, 3.0]
+    assert lost == 1
+    u, t_u, lost = commands(t, np.array([1.5]), np.array([4.0]))
+    assert np.isnan(u).tolist() == [True, False, False, False]
+    assert t_u.tolist() == [0.0, 1.5, 2.0, 3.0]
+    assert held(t, np.array([1.0, 2.5]), np.array([1.0, 2.0]))[1:].tolist() == [1.0, 1.0, 2.0]
+
+
+def test_parts_are_joined_in_order(tmp_path):
+    first = write(tmp_path, "t,u,y\n0,1,2\n1,1,3\n", "1.csv")
+    second = write(tmp_path, "t,u,y\n2,1,4\n3,1,5\n", "2.csv")
+    recording = read([first, second])
+    assert recording.y.tolist() == [2, 3, 4, 5]
+    assert recording.paths == (first, second)
+    with pytest.raises(ReadError, match=r"1\.csv: begins at 0 s, before the end of .*2\.csv at 3 s"):
+        read([second, first])
+    third = write(tmp_path, "t,u,y [mm]\n4,1,4\n", "3.csv")
+    with pytest.raises(ReadError, match=r"3\.csv: has other columns or units"):
+        read([first, third])
+
+
+def test_a_part_of_the_time(tmp_path):
+    recording = read(write(tmp_path, "t,u,y\n0,1,2\n1,1,3\n2,1,4\n3,1,5\n"), between=(1.0, 2.0))
+    assert recording.y.tolist() == [3, 4]
+    with pytest.raises(ReadError, match="no row with a time"):
+        read(tmp_path / "run.csv", between=(5.0, 6.0))
+
+
+# Records of real rigs
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "first", "last"),
+    [
+        ("servohydraulic_chirp", 61_500, (0.0, -0.169, -0.209), (61.499, -0.204, -0.282)),
+        ("electromechanical_positioning", 24_841, (0.0, 2.53863, 7.45e-06), (24.84, -0.952732, 0.00361505)),
+    ],
+)
+def test_real_records_as_they_are_and_under_foreign_names(name, rows, first, last, tmp_path):
+    path = SHARED / f"{name}.csv.gz"
+    if not path.exists():
+        pytest.skip(f"no measured record at {path}")
+    recording = read(path)
+    assert len(recording.t) == rows
+    assert tuple(x[0] for x in (recording.t, recording.u, recording.y)) == first
+    assert tuple(x[-1] for x in (recording.t, recording.u, recording.y)) == last
+    assert recording.rate_hz == pytest.approx(1000.0)
+    assert {p.kind for p in recording.problems} <= {"clipped"}
+    lines = gzip.decompress(path.read_bytes()).decode().splitlines()
+    body = [";".join(cell.replace(".", ",") for cell in line.split(",")) for line in lines[1:]]
+    foreign = tmp_path / "logger.txt"
+    header = "Logger 7\r\n\r\nZeit [s];Sollwert [V];Weg [mm];rest\r\n"
+    foreign.write_bytes((header + "\r\n".join(body)).encode("cp1252"))
+    again = read(foreign, columns="t=Zeit,u=Sollwert,y=Weg", units="y=m")
+    for role in ("t", "u", "y"):
+        assert getattr(again, role).tolist() == getattr(recording, role).tolist()
+    assert recording.rows[0] + 2 == again.rows[0]
