@@ -64,6 +64,14 @@ def test_the_first_good_answer_comes_within_two_cycles(zeta, omega_n):
     assert first.zeta == pytest.approx(zeta, rel=0.03)
 
 
+@pytest.mark.parametrize(("zeta", "omega_n"), PLANTS)
+def test_a_start_from_rest_ends_in_the_right_valley(zeta, omega_n):
+    for seed in range(6):
+        last = run_loop(Loop(zeta, omega_n, 1.0, noise=0.002, seed=seed), 0.6)[-1]
+        assert last.quality == "ok"
+        assert last.zeta == pytest.approx(zeta, rel=0.01)
+
+
 def test_an_answer_tells_all_that_a_fit_can():
     loop = Loop(*PLANTS[0], delay=1.0, noise=0.005, start=0.2)
     last = run(rows(loop, 1.0), loop, K_L_sd=0.3, delay_sd=2e-4)[-1]
