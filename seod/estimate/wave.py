@@ -29,6 +29,8 @@ SAME_VOLTAGE: Final = 1e-4
 """Part of e_a by which a voltage must differ from the one before to count as another."""
 STARTS: Final = (0.2, 0.8)
 """Values of zeta from which the search begins where nothing better is known."""
+ALL_STARTS: Final = 8
+"""Of so many answers that nothing makes good, one tries all starts, the others the first: they take time."""
 MOST_SAMPLES: Final = 40_000
 """Kept at most, so that a relay that never switches fills no memory."""
 ASYMMETRY_MAX: Final = 0.2
@@ -47,6 +49,7 @@ class WaveEstimator(CycleEstimator):
         self._samples: list[tuple[float, float]] = []
         self._voltages: list[tuple[float, float]] = []
         self._length = 0
+        self._lost = 0
         self._newest: Answer | None = None
 
     def update(self, row: Row) -> Estimate | None:
@@ -102,8 +105,12 @@ class WaveEstimator(CycleEstimator):
         if self._newest:
             before = self._newest.fit
             answer = self._answer_from(window, Plant(before.omega_n, before.zeta), before.delay)
-        if answer is None or not answer.is_in_range or answer.is_nonlinear:
-            others = (self._answer_from(window, start) for start in self._starts(window.y))
+        if answer is not None and answer.is_in_range and not answer.is_nonlinear:
+            self._lost = 0
+        else:
+            starts = self._starts(window.y)[: 1 if self._lost % ALL_STARTS else None]
+            self._lost += 1
+            others = (self._answer_from(window, start) for start in starts)
             answers = [each for each in (answer, *others) if each]
             answer = min(answers, key=lambda each: each.fit.noise, default=None)
         return answer

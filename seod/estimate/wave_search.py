@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 OMEGA_N, ZETA, DELAY = 0, 1, 2
 """Places of the searched unknowns: the logarithms of omega_n and zeta, and the delay [s]."""
-ITERATIONS: Final = 40
+ITERATIONS: Final = 20
 CONVERGED: Final = 1e-2
 """The search ends where a step is this small a part of the deviation that is left by the noise."""
 LONGEST_STEP: Final = 0.5
