@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from seod import PROTOCOL, __version__, data_commands
-from seod.commands import on_rig, over_tcp  # noqa: F401 - they register their commands
+from seod.commands import on_recordings, on_rig, over_tcp  # noqa: F401 - they register their commands
 from seod.commands.common import app, show
 
 

@@ -137,6 +137,15 @@ class StepwiseVoltage:
         course = self._course(plant)
         return self._sum(course, place, self.u[place] * tau, self._motions(plant, tau))
 
+    def velocity(self, plant: Dynamics) -> Array:
+        """Velocity of a plant of gain 1, no sensor lag; right but for a constant and a free motion."""
+        place, tau = self._place(plant.delay)
+        course = self._course(plant._replace(lag=0.0))
+        cosine, sine = free_motion(plant, tau)
+        alpha, beta, back = course.alpha[place], course.beta[place], plant.sigma
+        rest = alpha * (-back * cosine - plant.omega_d_squared * sine) + beta * (cosine - back * sine)
+        return np.asarray(self.u[place] + rest)
+
     def response(self, plant: Dynamics) -> Response:
         """`position` with its derivatives."""
         place, tau = self._place(plant.delay)

@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
 from seod.gain import gain_range
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
@@ -208,11 +209,13 @@ class Axis:
 
     def whole(self, now: float) -> dict[str, Any]:
         """The answer to `get`."""
+        estimate = self.newest(now)
         return {
             "axis": self.name,
             "state": self.state,
             "fault": self.fault,
-            "estimate": self.newest(now),
+            "estimate": estimate,
+            "controller": of_estimate(estimate),
             "settings": dict(self.settings),
         }
 

@@ -52,7 +52,7 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    assert set(answer) == {"axis", "state", "fault", "estimate", "settings"}
+    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings"}
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
         "e_a": 0.5,
