@@ -47,7 +47,7 @@ class Result:
         quality: `ok`, or why not: `ambiguous`, `noisy`, `nonlinear`, `out_of_range`, `no_fit`.
         unknown: What the recordings cannot tell, in sentences.
         alternatives: Plants that explain them as well.
-        advice: For the position controller; None where there is none.
+        advice: For the position controller; None where the answer is not `ok`.
     """
 
     fit: Fit
@@ -87,7 +87,7 @@ def identify(records: Sequence[Record], K_L: float | None = None, delay: float |
     unknown = [*_unsure(best), *_tied(best), *(_told(each, best) for each in alternatives)]
     value = best.value | {"K_L": abs(best.value["K_L"])}
     quality = _quality(best, alternatives)
-    advice = advise(value, best.sd) if quality in ("ok", "ambiguous") else None
+    advice = advise(value, best.sd) if quality == "ok" else None
     return Result(best, quality, tuple(unknown), tuple(alternatives), advice)
 
 
@@ -104,7 +104,8 @@ def _alternatives(
     """Tried only where the best fit leaves it open: with a delay free, and near a first-order lag."""
     found = []
     if delay is None and abs(best.value["delay"]) > 3.0 * best.sd["delay"]:
-        found.append(Alternative("without delay", fit(records, Given(K_L, 0.0))))
+        slower = best.plant._replace(zeta=min(best.value["zeta"], 1.5), delay=0.0)
+        found.append(Alternative("without delay", fit(records, Given(K_L, 0.0), slower)))
     if best.value["zeta"] > 2.0:
         lag = 2.0 * best.value["zeta"] / best.value["omega_n"]
         start = best.plant._replace(omega_n=2.0 * _FIRST_ORDER / lag, zeta=_FIRST_ORDER)

@@ -144,5 +144,6 @@ def test_the_measured_chirp_says_what_it_cannot_tell():
     found = identify([Record("chirp", rows[:, 0], rows[:, 1], rows[:, 2], output="velocity")])
     assert found.quality == "ambiguous"
     assert {each.what for each in found.alternatives} == {"without delay", "as a first-order lag"}
-    assert found.fit.nrmse == pytest.approx(0.044, abs=0.002)
-    assert found.alternatives[0].fit.value["zeta"] == pytest.approx(1.23, abs=0.25)
+    assert found.fit.nrmse < 0.06
+    assert found.alternatives[0].fit.value["zeta"] < 2.0 < found.fit.value["zeta"]
+    assert found.advice is None
