@@ -21,6 +21,7 @@ from seod.estimate.inversion import Measured, invert, invert_eq8, sensitivity
 from seod.estimate.limit_cycle import correction_factors
 
 K_L, E_A, TICK = 17.0, 0.5, 5e-4
+METHODS = ("peaks", "exact", "wave")
 PLANTS = ((0.21, 117.0), (0.45, 145.0), (0.8, 60.0))
 PAPER = {PLANTS[0]: "-1.7 / -1.7", PLANTS[1]: "-4.5 / -4.6", PLANTS[2]: "-3.0 / -2.7"}
 """The design's figures for the paper's arithmetic with one tick of delay, omega_n / zeta in %."""
@@ -68,12 +69,12 @@ def report(method: str, zeta: float, omega_n: float, answers: list[Estimate]) ->
 def accuracy(seconds: float) -> dict[str, list[tuple[float, float]]]:
     print("                              omega_n: bias     sd stated   zeta: bias     sd stated")
     print("zeta omega_n delay noise method      %      %      %           %      %      %   in95%  fitness")
-    costs: dict[str, list[tuple[float, float]]] = {"peaks": [], "exact": []}
+    costs: dict[str, list[tuple[float, float]]] = {method: [] for method in METHODS}
     for zeta, omega_n in PLANTS:
         for delay in range(4):
             for noise in (0.0, 0.002, 0.01):
                 rows = relay_rows(zeta, omega_n, delay, noise, seconds)
-                for method in ("peaks", "exact"):
+                for method in METHODS:
                     answers, plain, half_cycle = feed(method, rows)
                     costs[method].append((plain, half_cycle))
                     place = f"{zeta:4.2f} {omega_n:7.0f} {delay:5d} {100 * noise:4.1f}% "
@@ -100,7 +101,7 @@ def main() -> None:
     print()
     for method, spent in costs.items():
         plain, half_cycle = np.median(spent, axis=0)
-        print(f"{method}: {plain:.1f} us a row, {half_cycle:.0f} us a half cycle (processor time, medians)")
+        print(f"{method}: {plain:.1f} us a row, {half_cycle:.0f} us an answer (processor time, medians)")
     measured = Measured(0.0226, 0.0224, 0.0007, 0.0008, 0.079)
     plant = invert(measured, 0.002, K_L, E_A)
     print(f"inversion: exact {median_us(lambda: invert(measured, 0.002, K_L, E_A)):.0f} us,", end=" ")

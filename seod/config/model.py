@@ -14,6 +14,7 @@ from seod.config.calibration import CalibrationConfig
 from seod.config.gain import Gain
 from seod.config.section import (
     FINITE,
+    NON_NEGATIVE,
     POSITIVE,
     Hertz,
     Measured,
@@ -145,14 +146,18 @@ class LimitsConfig(Section):
 class EstimatorConfig(Section):
     """How zeta and omega_n are made of the limit cycle."""
 
-    method: Literal["peaks", "exact"] = "exact"
-    """`peaks`: the paper's procedure. `exact`: through the exact limit cycle, lag included."""
+    method: Literal["wave", "exact", "peaks"] = "wave"
+    """`wave`: maximum likelihood. `exact`: through the exact limit cycle. `peaks`: the paper's procedure."""
     cycles: Annotated[int, Field(ge=1, le=50)] = 4
-    """Cycles that must agree, and over which an estimate is averaged."""
+    """Cycles that must agree, and that are averaged over; `wave` takes fewer where they differ."""
     lowpass: Hertz | None = None
     """Cut-off of the low-pass of section 2.3(2), used by `peaks`."""
     delay: NonNegativeSeconds = 0.0
     """Known delay between a command's leaving and the valve's input, and of the sensor."""
+    K_L_sd: Annotated[float, NON_NEGATIVE] | None = None
+    """Standard deviation of K_L as it is known, for `wave` [as K_L]; left out: that of `calibration`."""
+    delay_sd: NonNegativeSeconds | None = None
+    """Likewise of `delay`. Neither there nor here: the value is taken as certain."""
 
 
 class AxisConfig(Section):

@@ -72,10 +72,11 @@ def clipped(file: Path, column: str, values: Floats, rows: Rows) -> Iterator[Pro
     if finite.sum() < 2 * _CLIPPED_RUN:
         return
     y, at = values[finite], rows[finite]
-    steps = np.abs(np.diff(y))
+    with np.errstate(over="ignore"):  # steps of numbers near the largest there is
+        steps = np.abs(np.diff(y))
     if not steps.any():
         return
-    least = _CLIPPED_STEP * steps[steps > 0.0].min()
+    least = _CLIPPED_STEP * float(steps[steps > 0.0].min())
     for extreme, word in ((y.max(), "largest"), (y.min(), "smallest")):
         starts, ends = _runs(y == extreme)
         fast = np.array(

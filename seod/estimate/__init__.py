@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from seod.estimate.exact import ExactEstimator
 from seod.estimate.peaks import PeaksEstimator
+from seod.estimate.wave import WaveEstimator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 TABLE: Final[dict[str, Callable[[EstimatorSettings], Estimator]]] = {
     "peaks": PeaksEstimator,
     "exact": ExactEstimator,
+    "wave": WaveEstimator,
 }
 """Estimators by the name that the rig file gives them."""
 

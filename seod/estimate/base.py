@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 class Row(NamedTuple):
@@ -74,6 +77,12 @@ class Estimate:
     ps: float | None = None
     """Supply pressure [Pa]; like `temperature` [K] from the axis' sensors, not from the estimator."""
     temperature: float | None = None
+    misfit: float | None = None
+    """What repeats in each cycle but is not the linear plant's, as a part of the motion (RMS)."""
+    lag_s: float | None = None
+    """Age of the window's middle when it ended [s]: so much the answer lags behind a drifting plant."""
+    correlation: Mapping[str, float] | None = None
+    """Of the estimated unknowns, by pairs: "zeta,omega_n" and, where they are free, "K_L" and "delay"."""
     advice: str | None = None
     """What a person should do about a quality that is not ok."""
 
@@ -83,14 +92,18 @@ class EstimatorSettings:
     """What an estimator knows beforehand.
 
     Attributes:
-        method: `peaks` or `exact`.
+        method: `peaks`, `exact` or `wave`.
         K_L: Plant gain [axis unit/s/V], for rows that do not tell theirs.
         hysteresis: Half-width eps of the relay's hysteresis [axis unit]; switches at e = +eps and -eps.
         delay_s: Known delay between `t_u` and the actuator [s], and pure delay of the sensor.
         period_s: Nominal tick period [s].
         cycles: Window in cycles over which agreement is judged and estimates are averaged.
         lowpass_hz: Cut-off of the low-pass of section 2.3(2) for `peaks`; None for no filter.
-        lag_s: Time constant of the sensor's first-order lag [s]; `exact` takes it back.
+        lag_s: Time constant of the sensor's first-order lag [s]; `exact` and `wave` take it back.
+        K_L_sd: How well K_L is known [axis unit/s/V]: 0 is certain, inf is not at all.
+        delay_sd: Likewise the delay [s].
+        resolution: Step of the sensor [axis unit]; 0: fine.
+        integrated: The position is the integral of a measured speed, and so is its noise.
     """
 
     method: str
@@ -101,6 +114,10 @@ class EstimatorSettings:
     cycles: int
     lowpass_hz: float | None
     lag_s: float = 0.0
+    K_L_sd: float = 0.0
+    delay_sd: float = 0.0
+    resolution: float = 0.0
+    integrated: bool = False
 
 
 class Estimator(Protocol):

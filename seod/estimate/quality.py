@@ -32,6 +32,8 @@ ADVICE: Final[dict[str, str]] = {
         "the oscillation is lost in noise, hysteresis or friction: raise e_a, or lower the relay's hysteresis"
     ),
     "asymmetric": "the relay's halves are unequal: set the relay's bias against the valve null shift or load",
+    "nonlinear": "what repeats in each cycle is no linear plant's (friction, backlash, pressure limit, "
+    "an unknown lag): compare values of e_a by `seod ramp`, check the sensor's lag and delay",
     "noisy": "sensor noise moves the relay: give the relay a hysteresis of about three times the noise, "
     "or raise e_a",
     "saturated": "the sensor's signal is clipped at a peak: lower e_a, or widen the sensor's range",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
+from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
 from seod.gain import gain_range
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
@@ -15,6 +16,7 @@ from seod.settings import configured
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from seod.config.calibration import CalibratedValue
     from seod.config.model import AxisConfig
     from seod.estimate.base import Estimator
 
@@ -61,7 +63,8 @@ class Axis:
     period_s: float
     make: Callable[[EstimatorSettings], Estimator]
     lag_s: float = 0.0
-    """Of the axis' sensor."""
+    """Of the axis' sensor; likewise its `resolution` [axis unit]."""
+    resolution: float = 0.0
     settings: dict[str, Any] = field(init=False)
     state: str = "idle"
     fault: dict[str, Any] | None = None
@@ -95,7 +98,19 @@ class Axis:
             cycles=estimator.cycles,
             lowpass_hz=estimator.lowpass,
             lag_s=self.lag_s,
+            K_L_sd=self._known_to(estimator.K_L_sd, "K_L"),
+            delay_sd=self._known_to(estimator.delay_sd, "delay"),
+            resolution=0.0 if self._velocity else self.resolution,
+            integrated=self._velocity,
         )
+
+    def _known_to(self, sd: float | None, name: Literal["K_L", "delay"]) -> float:
+        """The standard deviation that the rig file gives for a value, or else its calibration's."""
+        calibration = self.config.calibration
+        if sd is not None or calibration is None:
+            return sd or 0.0
+        measured: CalibratedValue = getattr(calibration, name)
+        return measured.sd
 
     def change(self, values: dict[str, Any]) -> None:
         """New settings are in force: the estimator begins anew with them, unless they were so already."""
@@ -194,11 +209,13 @@ class Axis:
 
     def whole(self, now: float) -> dict[str, Any]:
         """The answer to `get`."""
+        estimate = self.newest(now)
         return {
             "axis": self.name,
             "state": self.state,
             "fault": self.fault,
-            "estimate": self.newest(now),
+            "estimate": estimate,
+            "controller": of_estimate(estimate),
             "settings": dict(self.settings),
         }
 
@@ -223,6 +240,9 @@ def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
         "ps": estimate.ps,
         "temperature": estimate.temperature,
         "fitness": estimate.fitness,
+        "misfit": estimate.misfit,
+        "lag_s": estimate.lag_s,
+        "correlation": estimate.correlation and dict(estimate.correlation),
         "method": estimate.method,
         "quality": estimate.quality,
         "advice": estimate.advice,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from seod import PROTOCOL, __version__
+from seod.config.resolution import resolution_of
 from seod.config.truth import truth
 from seod.gateway.estimation import Axis, message, sample_message
 from seod.gateway.health import Health
@@ -64,8 +65,9 @@ class Rig:
         period = 1.0 / config.loop.rate_hz
         self.now = clock
         self.axes = {
-            name: Axis(name, axis, period, make, config.sensors[axis.sensor].lag)
+            name: Axis(name, axis, period, make, sensor.lag, resolution_of(sensor))
             for name, axis in config.axes.items()
+            for sensor in [config.sensors[axis.sensor]]
         }
         self.mailbox = Mailbox(shared.commands, restart_loop)
         self.clients: Callable[[], dict[str, Any]] = dict

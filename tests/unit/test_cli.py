@@ -151,7 +151,11 @@ def test_every_command_of_this_version_is_there():
     assert code == 0
     named = set(re.findall(r"^  (\w+)  ", out.partition("Commands:")[2], re.MULTILINE))
     over_tcp = {"status", "watch", "get", "set", "start", "stop", "estop", "reset", "ramp"}
-    assert named == {"run", "rig", "check", "latency", "calibrate", "simulate", "info", "export"} | over_tcp
+    assert (
+        named
+        == {"run", "rig", "check", "latency", "calibrate", "simulate", "info", "export", "identify"}
+        | over_tcp
+    )
 
 
 def test_settings_in_words():

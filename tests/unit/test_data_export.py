@@ -14,7 +14,7 @@ import cantools
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from record_rows import rows
@@ -130,6 +130,7 @@ def test_many_blocks_become_one_file(kind, tmp_path, monkeypatch):
     np.testing.assert_array_equal(read(path).y, COLUMNS["y"][1])
 
 
+@example(values=[0.0] * 6 + [6e307], kind="csv")
 @settings(max_examples=25, deadline=None)
 @given(
     values=st.lists(st.floats(allow_infinity=False), min_size=1, max_size=20),

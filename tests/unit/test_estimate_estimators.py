@@ -217,7 +217,7 @@ class TestQuality:
         assert "raise e_a" in last.advice
 
 
-@pytest.mark.parametrize("method", ["peaks", "exact"])
+@pytest.mark.parametrize("method", ["peaks", "exact", "wave"])
 @pytest.mark.parametrize(
     "broken",
     [
@@ -293,7 +293,7 @@ _row = st.builds(
 
 
 @hypothesis_settings(max_examples=60, deadline=None)
-@given(st.lists(_row, max_size=40), st.sampled_from(["peaks", "exact"]))
+@given(st.lists(_row, max_size=40), st.sampled_from(["peaks", "exact", "wave"]))
 def test_nonsense_rows_are_survived(feed, method):
     assert all(is_clean(e) for e in run(feed, method=method))
 
@@ -304,7 +304,7 @@ _step = st.tuples(st.sampled_from([1e-9, 1e-4, 5e-4, 0.01]), st.floats(-1e8, 1e8
 @hypothesis_settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(_step, st.integers(1, 9), st.booleans()), min_size=5, max_size=60),
-    st.sampled_from(["peaks", "exact"]),
+    st.sampled_from(["peaks", "exact", "wave"]),
     st.sampled_from([1e-9, 1.0, 1e9]),
 )
 def test_any_motion_under_a_switching_relay_is_survived(runs, method, gain):
@@ -320,7 +320,7 @@ def test_any_motion_under_a_switching_relay_is_survived(runs, method, gain):
 
 
 @hypothesis_settings(max_examples=25, deadline=None)
-@given(st.data(), st.sampled_from(["peaks", "exact"]))
+@given(st.data(), st.sampled_from(["peaks", "exact", "wave"]))
 def test_good_rows_with_some_spoilt_are_survived(data, method):
     feed = list(rows(Loop(*PLANTS[1]), 0.4))
     for _ in range(8):

@@ -19,7 +19,7 @@ from seod.ring import AxisState, Word
 
 ESTIMATE_FIELDS = {"axis", "t", "age_s", "zeta", "zeta_sd", "omega_n", "omega_n_sd", "K_L", "K_L_sd"} | {
     *("delay_s", "frequency", "amplitude", "asymmetry", "mean_speed", "ps", "temperature", "fitness"),
-    *("method", "quality", "advice"),
+    *("misfit", "lag_s", "correlation", "method", "quality", "advice"),
 }
 
 
@@ -51,15 +51,15 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
         answer = await client.call("get", axis="motor")
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
-    assert got["method"] == "exact"
-    assert set(answer) == {"axis", "state", "fault", "estimate", "settings"}
+    assert got["method"] == "wave"
+    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings"}
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
         "e_a": 0.5,
         "hysteresis": 0.004,
         "bias": 0.0,
         "K_L": 17.0,
-        "method": "exact",
+        "method": "wave",
     }
 
 

@@ -169,7 +169,7 @@ def test_estimates_are_those_of_the_live_run_bit_for_bit(recording: Path, played
     played.run()
     again = estimates(played.notes.of(ESTIMATES + "motor"))
     assert len(live) > 100
-    assert {estimate["method"] for estimate in live} == {"exact", "peaks"}
+    assert {estimate["method"] for estimate in live} == {"wave", "peaks"}
     assert sum(estimate["quality"] == "ok" for estimate in live) > 50
     assert again == live
 

@@ -1,0 +1,52 @@
+"""Commands that take recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from seod.commands.common import CommandError, app, load, plain_errors, show
+
+
+@app.command()
+def identify(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="DATA...", help="Recordings; several are fitted jointly.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(metavar="CONFIG", help="Rig file, whose values are shown beside.")
+    ] = None,
+    axis: Annotated[str | None, typer.Option(help="Of recordings and rig files with several.")] = None,
+    gain: Annotated[
+        float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
+    ] = None,
+    delay: Annotated[
+        float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
+    ] = None,
+    output: Annotated[Literal["position", "velocity"], typer.Option(help="What y is.")] = "position",
+    offset: Annotated[bool, typer.Option("--offset", help="A velocity y may have an offset.")] = False,
+    columns: Annotated[
+        str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
+    ] = "",
+    units: Annotated[
+        str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+) -> None:
+    """Identify omega_n, zeta, K_L and delay from recordings, and say what they cannot tell."""
+    from seod.data.source import ReadError  # noqa: PLC0415 - numerics
+    from seod.identify.command import Wishes, run  # noqa: PLC0415
+    from seod.identify.record import IdentifyError  # noqa: PLC0415
+
+    with plain_errors():
+        rig = None if config is None else load(config)
+        if rig is not None and axis is not None and axis not in rig.axes:
+            raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
+        wishes = Wishes(gain, delay, output, offset, columns, units, axis, as_json, plot)
+        try:
+            show(run(paths, rig, wishes))
+        except (ReadError, IdentifyError, OSError) as error:
+            raise CommandError(str(error)) from error

@@ -1,0 +1,108 @@
+"""The measurement's noise, as the residual of a fit shows it: outliers, and colour as an autoregression."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from seod.estimate.limit_cycle import Array
+
+FAR = 6.0
+"""Robust standard deviations beyond which a sample is none of the rest: one in 5e8 of normal noise."""
+MOST_OUTLIERS = 0.1
+"""Part of the samples; where more seem to be, the model is wrong and not the samples."""
+LONGEST_MEMORY = 8
+"""Order of the autoregression."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """How samples have to be combined so that white noise of equal size is left.
+
+    Attributes:
+        memory: Coefficients of the autoregression, newest first; empty for white noise.
+        kept: Which of the combined samples count; None for all.
+        rejected: Outliers.
+    """
+
+    memory: tuple[float, ...] = ()
+    kept: NDArray[np.bool_] | None = None
+    rejected: int = 0
+
+    def whiten(self, x: Array) -> Array:
+        """`x`, shape (n,) or (m, n), as rows of equal and independent noise, along the last axis."""
+        order, n = len(self.memory), x.shape[-1]
+        if order:
+            out = x[..., order:].copy()
+            for k, factor in enumerate(self.memory, 1):
+                out -= factor * x[..., order - k : n - k]
+            x = out
+        return x if self.kept is None else np.asarray(x[..., self.kept])
+
+
+WHITE = Noise()
+INTEGRATED = Noise((1.0,))
+"""White noise of the speed, summed up by an integral of it."""
+
+
+def seen_in(residual: Array, base: Noise = WHITE) -> Noise:
+    """The noise of a residual of shape (n,): its outliers, and what colour it has beyond `base`."""
+    x = base.whiten(residual)
+    far = outliers(x)
+    count = int(np.count_nonzero(far))
+    more = memory(np.where(far, 0.0, x) if count else x)
+    if not count:
+        return Noise(_both(base.memory, more))
+    touched = np.convolve(far, np.ones(len(more) + 1))[len(more) : len(far)] > 0.0
+    return Noise(_both(base.memory, more), ~touched, count)
+
+
+def _both(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
+    """One autoregression after the other."""
+    if not a or not b:
+        return a or b
+    product = np.convolve([1.0, *(-x for x in a)], [1.0, *(-x for x in b)])
+    return tuple((-product[1:]).tolist())
+
+
+def outliers(residual: Array) -> NDArray[np.bool_]:
+    """Samples that are far off, shape (n,); none where there are too many of them."""
+    deviation = np.abs(residual - np.median(residual))
+    far = deviation > FAR * 1.4826 * max(float(np.median(deviation)), 1e-300)
+    return far if np.count_nonzero(far) <= MOST_OUTLIERS * len(far) else np.zeros(len(far), np.bool_)
+
+
+def memory(residual: Array) -> tuple[float, ...]:
+    """Autoregression of the order that Schwarz's criterion chooses; empty for white noise."""
+    n = len(residual)
+    if n < 10 * LONGEST_MEMORY:
+        return ()
+    covariance = [float(residual[k:] @ residual[: n - k]) / n for k in range(LONGEST_MEMORY + 1)]
+    if not covariance[0] > 1e-300:
+        return ()
+    present: list[float] = []
+    chosen: tuple[float, ...] = ()
+    left = covariance[0]
+    best = n * math.log(left)
+    for order in range(1, LONGEST_MEMORY + 1):
+        present, left = _levinson(present, left, covariance)
+        cost = n * math.log(max(left, 1e-300)) + order * math.log(n)
+        if cost < best:
+            best, chosen = cost, tuple(present)
+    return chosen
+
+
+def _levinson(before: list[float], left: float, covariance: list[float]) -> tuple[list[float], float]:
+    """One order more: coefficients and the variance that they leave (Levinson and Durbin)."""
+    order = len(before)
+    known = sum(a * covariance[order - k] for k, a in enumerate(before))
+    reflection = (covariance[order + 1] - known) / max(left, 1e-300)
+    reflection = max(-1.0, min(1.0, reflection))
+    after = [a - reflection * b for a, b in zip(before, reversed(before), strict=True)]
+    return [*after, reflection], left * (1.0 - reflection * reflection)

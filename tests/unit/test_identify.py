@@ -1,0 +1,149 @@
+"""Identification from recordings: truth by scipy's state space, not by the closed form under test."""
+
+import gzip
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scipy.signal import cont2discrete
+from typer.testing import CliRunner
+
+from seod.cli import app
+from seod.identify import IdentifyError, Record, identify
+
+OMEGA_N, ZETA, K_L, DELAY = 60.0, 0.4, 12.0, 0.003
+CHIRP = Path(__file__).parents[2] / "../shared/data/servohydraulic_chirp.csv.gz"
+
+
+def simulated(seed: int, noise: float, output: str = "position", n: int = 1500, fine: int = 4):
+    """Random steps through a discretised state space whose ticks are a quarter of the samples'."""
+    rng = np.random.default_rng(seed)
+    tick = 0.002
+    u = np.repeat(rng.uniform(-1.0, 1.0, n // 10), 10)
+    shift = round(DELAY / (tick / fine))
+    driven = np.concatenate([np.zeros(shift), np.repeat(u, fine)])[: n * fine]
+    a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N]])
+    b = np.array([[0.0], [0.0], [K_L * OMEGA_N**2]])
+    phi, gamma, *_ = cont2discrete((a, b, np.eye(3), np.zeros((3, 1))), tick / fine)
+    state, states = np.array([0.3, 0.0, 0.0]), []
+    for each in driven:
+        states.append(state)
+        state = phi @ state + gamma[:, 0] * each
+    y = np.array(states)[::fine, 1 if output == "velocity" else 0]
+    y = y + noise * np.std(y) * rng.standard_normal(n)
+    return np.arange(n) * tick, u, y
+
+
+def record(*args, output="position", **kwargs):
+    t, u, y = simulated(*args, output=output, **kwargs)
+    return Record("made", t, u, y, output=output)
+
+
+@pytest.mark.parametrize("output", ["position", "velocity"])
+def test_all_four_are_found_without_noise(output):
+    found = identify([record(1, 0.0, output=output)])
+    assert found.fit.value == pytest.approx(
+        {"omega_n": OMEGA_N, "zeta": ZETA, "delay": DELAY, "K_L": K_L}, rel=1e-4
+    )
+    assert found.quality == "ok"
+
+
+def test_the_intervals_hold_the_truth():
+    truth = np.array([OMEGA_N, ZETA, DELAY, K_L])
+    scores = []
+    for seed in range(12):
+        fit = identify([record(seed, 0.02, n=600)]).fit
+        scores.append(
+            (np.array([fit.value[k] for k in ("omega_n", "zeta", "delay", "K_L")]) - truth)
+            / [fit.sd[k] for k in ("omega_n", "zeta", "delay", "K_L")]
+        )
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_several_recordings_count_by_their_own_noise():
+    good, bad = record(1, 0.01, n=600), record(2, 0.3, n=600)
+    both, alone = identify([good, bad]).fit, identify([good]).fit
+    assert both.sd["zeta"] < alone.sd["zeta"] * 1.02
+    assert both.noise[1] > 5.0 * both.noise[0]
+    assert abs(both.value["zeta"] - ZETA) < 4.0 * both.sd["zeta"]
+
+
+def test_outliers_are_left_out():
+    t, u, y = simulated(3, 0.01, n=600)
+    y[100:600:100] += 5.0 * np.std(y)
+    found = identify([Record("spikes", t, u, y)])
+    assert 5 <= found.fit.rejected <= 7
+    assert abs(found.fit.value["zeta"] - ZETA) < 4.0 * found.fit.sd["zeta"]
+
+
+def test_a_given_gain_stays_and_has_no_deviation():
+    found = identify([record(4, 0.02, n=600)], K_L=K_L)
+    assert found.fit.value["K_L"] == K_L
+    assert found.fit.sd["K_L"] == 0.0
+    assert not any("K_L" in pair for pair in found.as_json()["correlation"])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t, u, y: (t, u * 0.0, y), "command u never changes"),
+        (lambda t, u, y: (t, u, y * 0.0), "signal y never changes"),
+        (lambda t, u, y: (t, u, y * np.nan), "has 0 samples"),
+        (lambda t, u, y: (t, u * np.nan, y), "has no command u"),
+    ],
+)
+def test_a_recording_that_tells_nothing_is_refused_by_name(change, says):
+    with pytest.raises(IdentifyError, match=f"^x.csv: .*{says}"):
+        Record("x.csv", *change(*simulated(1, 0.0, n=300)))
+
+
+def test_noise_alone_gets_a_word_and_no_advice():
+    t, u, _ = simulated(1, 0.0, n=600)
+    found = identify([Record("noise", t, u, np.random.default_rng(0).standard_normal(600))])
+    assert found.quality != "ok"
+    assert found.advice is None
+
+
+@pytest.fixture(scope="module")
+def fonts():
+    """matplotlib opens its fonts once and keeps them."""
+    figure = Figure()
+    figure.subplots().set_title("x")
+    figure.savefig(io.BytesIO(), format="png")
+
+
+def test_the_command_prints_json_of_the_contract(tmp_path, fonts):
+    t, u, y = simulated(5, 0.01, n=600)
+    file = tmp_path / "a.csv"
+    np.savetxt(file, np.stack([t, u, y], axis=1), delimiter=",", header="time,cmd,pos", comments="")
+    options = ["--columns", "t=time,u=cmd,y=pos", "--plot", str(tmp_path / "a.png")]
+    done = CliRunner().invoke(app, ["identify", str(file), *options, "--json"])
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.output)
+    assert set(answer) >= {"K_L", "omega_n", "zeta", "delay", "quality", "method", "nrmse"}
+    assert answer["zeta"]["value"] == pytest.approx(ZETA, abs=4.0 * answer["zeta"]["sd"])
+    assert (tmp_path / "a.png").stat().st_size > 1000
+    text = CliRunner().invoke(app, ["identify", str(file), *options[:2]]).output
+    assert "omega_n" in text
+    assert "worst corner" in text
+
+
+def test_a_missing_file_is_told(tmp_path):
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "none.csv")])
+    assert done.exit_code == 1
+    assert "none.csv" in done.output
+
+
+@pytest.mark.skipif(not CHIRP.exists(), reason="the measured chirp is not there")
+def test_the_measured_chirp_says_what_it_cannot_tell():
+    with gzip.open(CHIRP, "rt") as file:
+        rows = np.loadtxt(file, delimiter=",", skiprows=1)[::5]
+    found = identify([Record("chirp", rows[:, 0], rows[:, 1], rows[:, 2], output="velocity")])
+    assert found.quality == "ambiguous"
+    assert {each.what for each in found.alternatives} == {"without delay", "as a first-order lag"}
+    assert found.fit.nrmse < 0.06
+    assert found.alternatives[0].fit.value["zeta"] < 2.0 < found.fit.value["zeta"]
+    assert found.advice is None
