@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from seod.record.series import Note, Rotation, Series
 from seod.ring import FLAG_FRESH, AxisState
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
 OFFSET_NS = 1_700_000_000_123_456_789
@@ -91,3 +92,11 @@ class Content:
 
     def json(self, topic: str) -> list[dict[str, Any]]:
         return [json.loads(m.data) for t, m in self.messages if t == topic]
+
+
+def until(condition: Callable[[], bool], patience_s: float = 20.0) -> None:
+    """Wait until it is true: threads of a recorder are at work."""
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)

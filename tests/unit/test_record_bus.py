@@ -4,11 +4,11 @@ import errno
 import itertools
 import subprocess
 import sys
-import threading
 
 import can
 import pytest
 from fake_loop import rig_config
+from record_rows import until
 
 from drivers.can_config import CanOptions
 from seod.gateway.process import GatewayError, start_recording
@@ -37,12 +37,7 @@ def send(bus, count):
 
 
 def wait_for(log, frames):
-    done = threading.Event()
-    for _ in range(2000):
-        if log.report()["frames"] + log.report()["lost"] >= frames:
-            return
-        done.wait(0.005)
-    raise AssertionError(log.report())
+    until(lambda: log.report()["frames"] + log.report()["lost"] >= frames)
 
 
 OPTIONS = CanOptions.model_construct(interface="socketcan", channel="x", fd=False, bus_options={})

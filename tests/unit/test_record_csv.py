@@ -3,18 +3,16 @@ import errno
 import math
 import os
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from record_rows import until
 
 from seod.record import csv_recorder as record
 from seod.record.csv_recorder import CsvFile, CsvLines, CsvRecorder, header
 from seod.record.layout import row_dtype
 from seod.ring import FLAG_FRESH, AxisState
-
-DEADLINE_S = 20.0
 
 
 def rows(count, axes=1, first=0, flags=FLAG_FRESH):
@@ -34,13 +32,6 @@ def rows(count, axes=1, first=0, flags=FLAG_FRESH):
 def read(path):
     with Path(path).open(newline="") as stream:
         return list(csv.DictReader(stream))
-
-
-def until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 def test_one_axis_has_the_columns_of_measured_data(tmp_path):
@@ -153,7 +144,7 @@ def test_a_deleted_file_is_noticed(tmp_path):
 def test_a_disk_that_hangs_costs_rows_but_no_memory_and_no_time(tmp_path, monkeypatch):
     recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
     write, works_again = os.write, threading.Event()
-    monkeypatch.setattr(record.os, "write", lambda *args: works_again.wait(DEADLINE_S) and write(*args))
+    monkeypatch.setattr(record.os, "write", lambda *args: works_again.wait(20.0) and write(*args))
     monkeypatch.setattr(record, "WAITING_ROWS", 50)
     for _ in range(100):
         recorder.add(rows(10))

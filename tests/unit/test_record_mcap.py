@@ -2,7 +2,6 @@ import errno
 import os
 import struct
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
-from record_rows import OFFSET_NS, Content, about, rows
+from record_rows import OFFSET_NS, Content, about, rows, until
 
 from seod.record import disk as disk_module
 from seod.record import recorder as recorder_module
@@ -22,15 +21,7 @@ from seod.record.recorder import McapRecorder
 from seod.record.series import Note, Rotation, Series, joined
 from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 
-DEADLINE_S = 20.0
 NEVER = Rotation()
-
-
-def until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 def series(path, rotation=NEVER, axes=("motor",), counters=dict):
@@ -268,7 +259,7 @@ def test_a_disk_that_hangs_costs_rows_but_no_memory_and_no_time(tmp_path, monkey
     now = [0.0]
     recorder = McapRecorder(tmp_path / "a.mcap", about(), NEVER, lambda: now[0])
     write, works_again = os.write, threading.Event()
-    monkeypatch.setattr(disk_module.os, "write", lambda *args: works_again.wait(DEADLINE_S) and write(*args))
+    monkeypatch.setattr(disk_module.os, "write", lambda *args: works_again.wait(20.0) and write(*args))
     monkeypatch.setattr(recorder_module, "WAITING_ROWS", 50)
     monkeypatch.setattr(recorder_module, "WAITING_NOTES", 5)
     for number in range(100):
