@@ -12,6 +12,7 @@ from drivers.light_can import import_light
 TABLE: dict[str, tuple[str, str]] = {
     "can": ("drivers.can", "CanDriver"),
     "replay": ("drivers.replay", "ReplayDriver"),
+    "serial": ("drivers.serial", "SerialDriver"),
     "virtual": ("drivers.virtual", "VirtualDriver"),
 }
 """Built-in drivers: kind -> (module, class)."""

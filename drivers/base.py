@@ -131,7 +131,7 @@ class Driver(ABC):
     def left(self) -> Sequence[float]:
         """When each output's last value really left, in s, as the hardware confirmed it; nan before that.
 
-        Empty where the hardware confirms nothing.
+        Where it confirms late, from the confirmations before. Empty where it confirms nothing.
         """
         return ()
 

@@ -6,8 +6,10 @@ The supervisor uses it when the loop has died or hangs. Standard library only, a
 from __future__ import annotations
 
 import errno
+import os
 import socket
 import struct
+import termios
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
@@ -106,6 +108,46 @@ class SocketcanNeutral:
             self.socket = None
 
 
+class SerialNeutral:
+    """Neutral commands over an own handle on a serial port, which the loop has set up already."""
+
+    def __init__(self, port: str, data: bytes) -> None:
+        self.port = port
+        self.data = data
+        self.fd = -1
+        self._open()
+
+    def _open(self) -> str:
+        try:
+            self.fd = os.open(self.port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            return f"{self.port}: {error.strerror}"
+        return ""
+
+    def write(self, commands_sent: int) -> str:  # noqa: ARG002 - whichever sequence comes first, one is new
+        """Throw away what has not left, then send; a port that has come back is taken again."""
+        why = f"{self.port} is gone"
+        for _ in range(2):
+            why = "" if self.fd >= 0 else self._open()
+            if self.fd < 0:
+                return why
+            try:
+                termios.tcflush(self.fd, termios.TCOFLUSH)
+                sent = os.write(self.fd, self.data)
+            except (OSError, termios.error) as error:
+                why = f"{self.port}: {error}"
+                self.close()
+            else:
+                return "" if sent == len(self.data) else f"{self.port}: no room for neutral"
+        return why
+
+    def close(self) -> None:
+        """Close the port."""
+        if self.fd >= 0:
+            os.close(self.fd)
+            self.fd = -1
+
+
 def _raw_socket(channel: str, fd: bool) -> socket.socket:
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.CAN_RAW)
     try:
@@ -137,6 +179,8 @@ def open_neutral(recipe: Mapping[str, Any]) -> NeutralWriter:
     """
     if recipe["kind"] == "none":
         return NoNeutral(recipe["why"])
+    if recipe["kind"] == "serial":
+        return SerialNeutral(recipe["port"], bytes.fromhex(recipe["data"]))
     if recipe["kind"] != "socketcan":
         raise ValueError(f"unknown neutral recipe {recipe['kind']!r}")
     cycle = [[pack_frame(frame) for frame in frames] for frames in recipe["frames"]]

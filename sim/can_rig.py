@@ -5,8 +5,6 @@ It decodes what the daemon encodes and the other way round, by the same options 
 
 from __future__ import annotations
 
-import math
-import sys
 import time
 from random import Random
 from typing import TYPE_CHECKING
@@ -18,13 +16,9 @@ from drivers.can_codec import CanCodec, CodecError, UnknownFrameError, WrongLeng
 from drivers.can_counters import COUNTER_NAMES
 from drivers.can_link import CanLink, filters_for
 from drivers.clock import StampClock
-from sim.back_door import BackDoor
-from sim.cache import is_plant_compiled
 from sim.can_messages import check_channels, identifiers, sensor_messages
-from sim.control import ControlServer
 from sim.faults import FaultLine
-from sim.process import RigProcess
-from sim.rig import SimulatedRig
+from sim.rig_end import RigEnd, compile_plant, serve
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +26,7 @@ if TYPE_CHECKING:
     from drivers.can_codec import Decoded
     from drivers.can_config import CanOptions
     from sim.config import SimulationConfig
+    from sim.faults import Frame
 
 DOWN_PAUSE_S = 0.005
 """How often a bus that is away is looked at."""
@@ -42,10 +37,10 @@ QUEUE = 64
 BURST = 64
 """Frames taken at once, at most, before the sensors have their turn."""
 
-COUNTS = ("commands", "lost_commands", "repeated_commands", "bad_commands", "unknown_frames", "late_sensors")
+COUNTS = ("commands", "lost_commands", "repeated_commands", "bad_commands", "unknown_frames")
 
 
-class CanRig:
+class CanRig(RigEnd):
     """The rig's end of the bus.
 
     Args:
@@ -63,16 +58,13 @@ class CanRig:
         simulation: SimulationConfig,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.rig = SimulatedRig(simulation, clock())
-        self.counts = dict.fromkeys(COUNTS, 0)
+        super().__init__(simulation, COUNTS, clock)
         self._options = options
-        self._clock = clock
         self._codec = CanCodec(options)
         check_channels(self._codec, self.rig)
         self.messages = sensor_messages(self._codec, self.rig, simulation.sensor_rate_hz)
-        self._period = 1.0 / simulation.sensor_rate_hz
+        self.message_names = [message.name for message in self.messages]
         self._turn = 0
-        self._next_turn = math.inf
         self._last_counter: dict[str, int] = {}
         self._ticks = {(frame.id, frame.extended) for frame in options.tick_frames[:1]}
         self._awaited = {(frame.id, frame.extended, frame.payload) for frame in options.start_frames}
@@ -98,44 +90,17 @@ class CanRig:
         self._begin()
 
     def _begin(self) -> None:
-        if self.started and not self._ticks and math.isinf(self._next_turn):
-            self._next_turn = self._clock() + self._period
+        if self.started and not self._ticks:
+            self._begin_turns()
 
     def close(self) -> None:
         """Give the bus back."""
         self._link.close()
 
-    def step(self, now: float, longest: float) -> float:
-        """Take commands until the sensors' turn, for `longest` [s] at most, then send what is due.
-
-        Args:
-            now: The time at which it begins [s].
-            longest: How long it may take [s].
-
-        Returns:
-            The time at which it ended [s]: looking at the clock is what it does most, so it hands it on.
-        """
-        self._link.reopen(now)
-        now = self._receive(now, now + longest)
-        if now >= self._next_turn:
-            self._measure(now)
-            self._plan(now)
-        if self.faults.next_due() <= now:
-            self._send(now)
-            now = self._clock()
-        return now
-
-    def _plan(self, now: float) -> None:
-        """The next turn; those that were missed are left out, not made up."""
-        self._next_turn += self._period
-        if now >= self._next_turn:
-            self.counts["late_sensors"] += 1
-            self._next_turn += ((now - self._next_turn) // self._period + 1.0) * self._period
-
     def _receive(self, now: float, until: float) -> float:
-        """Take frames until something is due; returns the time then [s]."""
+        self._link.reopen(now)
         for taken in range(BURST):
-            left = max(0.0, min(until, self._next_turn, self.faults.next_due()) - now)
+            left = self._patience(now, until)
             if left and (self._link.down or not self._link.is_open):
                 time.sleep(min(left, DOWN_PAUSE_S))
                 left = 0.0
@@ -189,17 +154,16 @@ class CanRig:
                     self.faults.put(t, frame)
         self._turn += 1
 
-    def _send(self, t: float) -> None:
-        for frame in self.faults.take(t):
-            self._link.send(
-                can.Message(
-                    arbitration_id=frame.frame_id,
-                    is_extended_id=frame.extended,
-                    is_fd=frame.fd,
-                    bitrate_switch=frame.fd and self._options.data_bitrate is not None,
-                    data=frame.data,
-                )
+    def _put_on_line(self, frame: Frame) -> None:
+        self._link.send(
+            can.Message(
+                arbitration_id=frame.frame_id,
+                is_extended_id=frame.extended,
+                is_fd=frame.fd,
+                bitrate_switch=frame.fd and self._options.data_bitrate is not None,
+                data=frame.data,
             )
+        )
 
     def state(self) -> dict[str, object]:
         """What goes on at this end of the bus: counters, and why it cannot be reached if so."""
@@ -230,18 +194,6 @@ def run(
             "driver.interface: virtual exists only within one process, so a rig in another cannot be reached "
             "through it; use interface: socketcan with a vcan channel, or driver.kind: virtual"
         )
-    if not is_plant_compiled():
-        print("compiling the plant (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
-    rig = CanRig(options, simulation)
-    door = BackDoor(rig.rig, rig.faults, [m.name for m in rig.messages], rig.state, time.monotonic)
-    with RigProcess(duration) as process:
-        server = ControlServer(
-            simulation.control_port if control_port is None else control_port, door.methods
-        )
-        try:
-            rig.open()
-            process.ready({"control_port": server.port, "channel": options.channel})
-            process.repeat(rig.step, server.poll)
-        finally:
-            rig.close()
-            server.close()
+    compile_plant()
+    port = simulation.control_port if control_port is None else control_port
+    serve(CanRig(options, simulation), port, duration, {"channel": options.channel})

@@ -89,6 +89,17 @@ class PlantConfig(BaseModel):
         return self.measures == "velocity" or (self.sensor is not None and self.sensor.kind == "fv_converter")
 
 
+class BoardConfig(BaseModel):
+    """The board of a simulated rig on a serial line."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    drift: Annotated[float, Field(ge=-0.01, le=0.01)] = 0.0
+    """By which its clock is fast [s/s]."""
+    clock_start: Annotated[int, Field(ge=0, lt=1 << 32)] = 0
+    """Its clock at the beginning [us]; it wraps at 2^32."""
+
+
 class SimulationConfig(BaseModel):
     """A whole simulated rig."""
 
@@ -104,6 +115,9 @@ class SimulationConfig(BaseModel):
     """Rate of the sensor frames where the rig sends them by itself."""
     control_port: Annotated[int, Field(ge=0, le=65535)] = 7601
     """TCP port on loopback where `seod rig` takes faults and tells its true values."""
+
+    board: BoardConfig = BoardConfig()
+    """Where `seod rig` speaks on a serial line."""
 
     @property
     def index_channels(self) -> list[str]:

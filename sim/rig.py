@@ -86,6 +86,10 @@ class SimulatedRig:
         for actuator in followers:
             actuator.follow(t, self.constants)
 
+    def inputs(self) -> list[str]:
+        """Channels that can be commanded."""
+        return list(self._by_input)
+
     def sensor_channels(self) -> list[str]:
         """Channels that can be read: plants' outputs, index marks, then constants."""
         return [*self._readings, *self.constants]

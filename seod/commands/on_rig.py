@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from seod.commands.common import CommandError, ConfigPath, Duration, app, load, plain_errors, show
+
+if TYPE_CHECKING:
+    from sim.config import SimulationConfig
 
 
 @app.command()
@@ -49,23 +52,45 @@ def rig(
     control_port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Instead of the rig file's.")
     ] = None,
+    port: Annotated[
+        str | None,
+        typer.Option(help="Serial: the rig's own end of a real line; else it makes a pseudo terminal."),
+    ] = None,
 ) -> None:
-    """Be the simulated rig on the other end of the bus."""
+    """Be the simulated rig on the other end of the bus or line."""
     with plain_errors():
         config = load(path)
         if config.simulation is None:
             raise CommandError(f"{path} has no `simulation:` section: there is nothing to simulate")
-        if config.driver["kind"] != "can":
-            kind = config.driver["kind"]
-            raise CommandError(f"driver.kind {kind} has no bus with another end; `seod rig` needs kind: can")
         from drivers.base import DriverError  # noqa: PLC0415
-        from drivers.can_config import CanOptions  # noqa: PLC0415
-        from sim.can_rig import run as run_rig  # noqa: PLC0415
 
         try:
-            run_rig(CanOptions.model_validate(config.driver), config.simulation, control_port, duration)
+            _be_rig(config.driver, config.simulation, control_port, duration, port)
         except (DriverError, OSError) as error:
             raise CommandError(str(error)) from error
+
+
+def _be_rig(
+    driver: dict[str, Any],
+    simulation: SimulationConfig,
+    control_port: int | None,
+    duration: float | None,
+    port: str | None,
+) -> None:
+    match driver["kind"]:
+        case "can":
+            from drivers.can_config import CanOptions  # noqa: PLC0415
+            from sim import can_rig  # noqa: PLC0415
+
+            can_rig.run(CanOptions.model_validate(driver), simulation, control_port, duration)
+        case "serial":
+            from drivers.serial_config import SerialOptions  # noqa: PLC0415
+            from sim import serial_rig  # noqa: PLC0415
+
+            serial_rig.run(SerialOptions.model_validate(driver), simulation, control_port, duration, port)
+        case kind:
+            text = f"driver.kind {kind} has no line with another end; `seod rig` needs can or serial"
+            raise CommandError(text)
 
 
 @app.command()
