@@ -109,11 +109,23 @@ class TickRows:
             for old, x in zip(self._last[axis], (table["t"], table["t_tick"]), strict=True)
         )
         newest = np.maximum.accumulate(np.where(fresh, np.arange(1, len(table) + 1), 0))
-        values["t"] = np.where(fresh, table["t"], t[newest] + table["t_tick"] - tick[newest])
+        values["t"] = np.where(fresh, table["t"], _made_up(fresh, newest, t, tick))
         values["y"] = np.where(fresh, table["y"], np.nan)
         if len(table):
             self._last[axis] = (float(t[newest[-1]]), float(tick[newest[-1]]))
         return values
+
+
+def _made_up(
+    fresh: NDArray[np.bool_], newest: NDArray[np.intp], t: NDArray[np.float64], tick: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The time of a row without a sample [s]: after the newest by its tick's time, but before the next sample."""
+    rows = np.arange(1, len(fresh) + 1)
+    following = np.minimum.accumulate(np.where(fresh, rows, len(rows) + 1)[::-1])[::-1]
+    room = np.append(t, np.inf)[following] - t[newest]
+    fits = tick[following - 1] - tick[newest] < room
+    share = np.where(fits, 0.0, room) * (rows - newest) / np.maximum(following - newest, 1)
+    return np.where(fits, t[newest] + tick[1:] - tick[newest], t[newest] + share)
 
 
 class Fields:

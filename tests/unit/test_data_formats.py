@@ -347,6 +347,18 @@ def test_blocks_of_a_long_recording_join_the_axes_of_each_tick(tmp_path, monkeyp
     assert np.diff(t[np.argmax(fresh) :]) == pytest.approx(5e-4)
 
 
+def test_rows_without_a_sample_stay_before_the_next_one(tmp_path):
+    table = rows(8)
+    fresh = np.array([1, 0, 0, 1, 1, 0, 1, 1], bool)
+    table["axes"]["flags"] = np.where(fresh, FLAG_FRESH, 0)[:, None]
+    table["axes"]["t"][3:] -= 0.0006  # the sample before came in late, and was read after its tick's time
+    write_mcap(tmp_path / "a.mcap", table, ("motor",))
+    recording = read(tmp_path / "a.mcap")
+    assert len(recording.t) == 8
+    assert np.all(np.diff(recording.t) > 0.0)
+    assert recording.t[fresh] == pytest.approx(table["axes"]["t"][fresh, 0])
+
+
 def test_a_tick_that_one_axis_lacks_at_the_end_is_there_for_the_other(tmp_path):
     axes = ("pitch", "roll")
     waiting = TickRows(rows_group(axes), ["tick", "pitch.y", "roll.y"], tmp_path, axes)
