@@ -165,7 +165,7 @@ class SerialDriver(Driver):
 
     def _judge(self, t: float) -> None:
         self._outputs.judge(t)
-        self.trouble = self._outputs.trouble or self._handshake.trouble(t)
+        self.trouble = self._link.down or self._handshake.trouble(t) or self._outputs.trouble
 
     def write(self, t: float, values: Sequence[float]) -> float:
         """One command; nan if it could not leave (too many unacknowledged, or trouble)."""
@@ -190,10 +190,10 @@ class SerialDriver(Driver):
         return self._outputs.left()
 
     def close(self) -> None:
-        """Neutral, silence, and the port back."""
-        if self._state == "running" and self._link.is_open:
-            self._outputs.neutral(self.clock())
-            self._link.send(self._codec.ask)
+        """Have the board go to neutral and be silent, and give the port back."""
+        if self._state != "closed" and self._link.is_open:
+            self._link.drop_output()
+            self._link.send(self._codec.break_ + self._codec.ask)
         self._link.close()
         self._state = "closed"
 

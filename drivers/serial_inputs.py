@@ -48,13 +48,13 @@ class SerialInputs:
         self._late_s = LATE_PERIODS / options.rate_hz
         self._sequence: int | None = None
         self._t = -math.inf
-        self._looked = math.inf
+        self._looked = -math.inf
 
     def restart(self) -> None:
         """The line is new, or the board: nothing is known of its clock and sequence."""
         self.clock.restart()
         self._sequence = None
-        self._looked = math.inf
+        self._looked = -math.inf
 
     def take(self, s: BoardSample, now: float) -> bool:
         """Use a sample that was read at `now` [s]; False if it is a repeat."""

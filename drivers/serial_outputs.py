@@ -158,7 +158,7 @@ class SerialOutputs:
         """Find out at time `t` [s] whether commands have an effect."""
         if self._link.down:
             self._in_flight.clear()
-            self.trouble, self.blocked = self._link.down, True
+            self.trouble, self.blocked = "the line was lost and no neutral command has passed since", True
         elif self._in_flight and t - self._in_flight[0][1] > self._timeout:
             self._counts[count.UNCONFIRMED] += not self.blocked
             self.trouble = f"the board acknowledges no command for {self._timeout:g} s"

@@ -12,6 +12,7 @@ from seod.gain import gain_range
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from seod.config.lineload import Line
     from seod.config.model import RigConfig
 
 WARN_LOAD = 0.8
@@ -31,12 +32,14 @@ class Report:
     Attributes:
         summary: The rig in one line.
         bus: Its bus with all frames; None where there is none.
+        line: Its serial line; likewise.
         refusals: Why it cannot work.
         warnings: What should be looked at.
     """
 
     summary: str
     bus: Bus | None
+    line: Line | None
     refusals: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -53,6 +56,7 @@ class Report:
     def __str__(self) -> str:
         lines = [self.summary]
         lines += _bus_lines(self.bus) if self.bus else []
+        lines += self.line.lines() if self.line else []
         lines += [f"refused: {text}" for text in self.refusals] + [
             f"warning: {text}" for text in self.warnings
         ]
@@ -66,15 +70,21 @@ class Report:
 
 def check(config: RigConfig) -> Report:
     """Judge a rig file that `load_rig` has accepted."""
-    bus, refusals, warnings = None, list[str](), list[str]()
+    bus, line, refusals, warnings = None, None, list[str](), list[str]()
     if config.driver["kind"] == "can":
         from seod.config.traffic import can_traffic  # noqa: PLC0415 - cantools takes long to import
 
         bus, unknown = can_traffic(config)
         refusals += [*_overfull(bus), *_without_fd(config, bus), *_too_slow(config, bus)]
         warnings += [*_full(bus), *_uncounted(unknown)]
+    if config.driver["kind"] == "serial":
+        from seod.config.lineload import line_refusals, line_warnings, serial_line  # noqa: PLC0415
+
+        line = serial_line(config)
+        refusals += line_refusals(config, line)
+        warnings += line_warnings(config, line, WARN_LOAD)
     warnings += [*_safety(config), *_simulated(config)]
-    return Report(_summary(config), bus, tuple(refusals), tuple(warnings))
+    return Report(_summary(config), bus, line, tuple(refusals), tuple(warnings))
 
 
 def _overfull(bus: Bus) -> Iterator[str]:

@@ -119,7 +119,7 @@ class TickRows:
 def _made_up(
     fresh: NDArray[np.bool_], newest: NDArray[np.intp], t: NDArray[np.float64], tick: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The time of a row without a sample [s]: after the newest by its tick's time, but before the next sample."""
+    """The time of a row without a sample [s]: its tick's, after the newest and before the next sample."""
     rows = np.arange(1, len(fresh) + 1)
     following = np.minimum.accumulate(np.where(fresh, rows, len(rows) + 1)[::-1])[::-1]
     room = np.append(t, np.inf)[following] - t[newest]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import can
 import pytest
 from record_rows import rows, write_recording
+from serial_bench import SerialBench
 
 from drivers import TABLE, driver_class
 from drivers.base import NO_SAMPLE, Driver, DriverError, DriverStateError
@@ -165,7 +166,7 @@ class ReplayBench:
         self.folder.cleanup()
 
 
-BENCHES = {"can": CanBench, "replay": ReplayBench, "virtual": VirtualBench}
+BENCHES = {"can": CanBench, "replay": ReplayBench, "serial": SerialBench, "virtual": VirtualBench}
 
 
 def test_every_built_in_driver_is_under_contract() -> None:

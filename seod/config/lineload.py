@@ -1,0 +1,103 @@
+"""How full a serial line is, each way, and what is to be said about its board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.serial_codec import make_codec
+from drivers.serial_config import SerialOptions
+from drivers.serial_counters import COUNTER_NAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from seod.config.model import RigConfig
+
+BITS_A_BYTE = 10
+"""Start bit, 8 data bits, stop bit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One direction; they do not disturb each other.
+
+    Attributes:
+        name: For the report.
+        length: The most bytes of a frame.
+        rate_hz: Frames per second.
+    """
+
+    name: str
+    length: int
+    rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A serial line with all that is sent on it.
+
+    Attributes:
+        name: The port.
+        baud: [bit/s]; None: no bit rate limits it.
+        ways: Both directions.
+    """
+
+    name: str
+    baud: int | None
+    ways: tuple[Way, Way]
+
+    def share(self, way: Way) -> float:
+        """Part of the time that the line is busy this way, at worst; above 1 it cannot be done."""
+        return 0.0 if self.baud is None else way.length * BITS_A_BYTE * way.rate_hz / self.baud
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        rate = "no bit rate limits it" if self.baud is None else f"{self.baud:,} bit/s each way"
+        yield f"line {self.name}, {rate}:"
+        yield f"  {'frame':<24} {'bytes':>5} {'frames/s':>9} {'share':>7}"
+        for way in self.ways:
+            yield f"  {way.name:<24} {way.length:>5} {way.rate_hz:>9g} {self.share(way):>7.1%}"
+
+
+def serial_line(config: RigConfig) -> Line:
+    """The line of a rig whose driver is `serial`: a sample each turn of the board, a command each tick."""
+    options = SerialOptions.model_validate(config.driver)
+    codec = make_codec(options, [0] * len(COUNTER_NAMES))
+    ways = (
+        Way("samples", codec.sample_bytes(), options.rate_hz),
+        Way("commands", codec.command_bytes(), config.loop.rate_hz),
+    )
+    return Line(options.port, None if options.usb else options.baud, ways)
+
+
+def line_refusals(config: RigConfig, line: Line) -> Iterator[str]:
+    """Why it cannot work."""
+    options = SerialOptions.model_validate(config.driver)
+    for way in line.ways:
+        if line.share(way) >= 1.0:
+            busy = f"{way.name} would keep {line.name} busy for {line.share(way):.0%} of the time"
+            yield f"{busy}: raise driver.baud, or lower driver.rate_hz or loop.rate_hz"
+    if 1.0 / options.rate_hz > config.guard.stale:
+        period = f"samples come each {1.0 / options.rate_hz:g} s"
+        yield f"{period}, guard.stale is {config.guard.stale:g} s: always stale"
+
+
+def line_warnings(config: RigConfig, line: Line, warn: float) -> Iterator[str]:
+    """What should be looked at.
+
+    Args:
+        config: The rig.
+        line: Its line.
+        warn: Share from which a line is called full.
+    """
+    options = SerialOptions.model_validate(config.driver)
+    for way in line.ways:
+        if warn <= line.share(way) < 1.0:
+            yield f"{way.name} keep {line.name} busy for {line.share(way):.0%} of the time: they will be late"
+    if config.guard.rig_watchdog is not None and options.watchdog_s > config.guard.rig_watchdog:
+        allowed = f"driver.watchdog_s allows the board {options.watchdog_s:g} s"
+        yield f"{allowed}, guard.rig_watchdog is {config.guard.rig_watchdog:g} s"
+    if options.rate_hz < config.loop.rate_hz:
+        rates = f"{options.rate_hz:g} samples/s at {config.loop.rate_hz:g} ticks/s"
+        yield f"{rates}: some ticks have no new sample"
