@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
+import fcntl
 import os
 import select
+import struct
+import termios
 import threading
 import time
 import tty
@@ -114,14 +116,16 @@ class BoardPeer:
             return self.board.sample([round(angle / 1e-5), enable], time.monotonic())
 
     def send(self, data: bytes) -> None:
-        """Bytes on their way; they can be read when this returns."""
+        """Bytes on their way; they can be read when this returns (the kernel takes its time)."""
+        waiting = self._readable()
         os.write(self.master, data)
+        until(lambda: self._readable() == waiting + len(data))
+
+    def _readable(self) -> int:
+        return int(struct.unpack("i", fcntl.ioctl(self.slave, termios.FIONREAD, bytes(4)))[0])
 
     def sample(self, angle: float) -> None:
         self.send(self.frame(angle))
-
-
-_NUMBERS = itertools.count()
 
 
 class SerialBench:
