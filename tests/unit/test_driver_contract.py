@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import can
 import pytest
-from record_rows import rows, write_recording
-from serial_bench import SerialBench
 
 from drivers import TABLE, driver_class
 from drivers.base import NO_SAMPLE, Driver, DriverError, DriverStateError
 from drivers.can_codec import CanCodec
 from drivers.can_config import CanOptions
 from drivers.neutral import open_neutral
+from tests.unit.record_rows import rows, write_recording
+from tests.unit.serial_bench import SerialBench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -8,13 +8,13 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from serial_bench import BoardPeer, SerialBench, make_options, until
 
 from drivers.base import DriverError
 from drivers.neutral import SerialNeutral, open_neutral
 from drivers.serial import SerialDriver
 from drivers.serial_frame import COMMAND, HELLO, SAMPLE, Splitter, decode, encode, hello
 from drivers.serial_handshake import Handshake
+from tests.unit.serial_bench import BoardPeer, SerialBench, make_options, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

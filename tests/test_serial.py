@@ -1,0 +1,180 @@
+"""The daemon on a serial line whose other end is a process of its own: `seod rig`, or the firmware in C."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from seod.paths import configs_dir
+from tests.peers import Program, Rpc, RpcError, find_process, free_port, kill, port_of, port_open, until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.processes
+
+FIRMWARE = Path(__file__).parents[1] / "drivers" / "firmware"
+
+
+def write_rig_file(folder: Path) -> Path:
+    """The shipped serial rig with a port and a line of its own, and patience with a busy machine."""
+    port = free_port()
+    text = (configs_dir() / "serial.yaml").read_text()
+    for old, new in (
+        ("rig: serial-motor", f"rig: serial-{port}"),
+        ("port: 7600", f"port: {port}"),
+        ("control_port: 7601", "control_port: 0"),
+        ("port: /tmp/seod-board", f"port: {folder / 'board'}"),
+        ("hang_timeout: 200 ms", "hang_timeout: 1 s"),
+        ("stale: 50 ms", "stale: 200 ms\n  overruns: {count: 1000, window: 1 s}"),
+        ("rig_watchdog: 50 ms", "rig_watchdog: 500 ms"),
+        ("watchdog_s: 0.05      ", "watchdog_s: 0.5\n  confirm_timeout_s: 1.0"),
+        ("  watchdog_s: 0.05\n", "  watchdog_s: 0.5\n"),
+    ):
+        assert old in text, old
+        text = text.replace(old, new)
+    path = folder / "rig.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    return write_rig_file(tmp_path)
+
+
+class Daemon:
+    """`seod run` and a client."""
+
+    def __init__(self, rig_file: Path) -> None:
+        self.program = Program(rig_file.with_suffix(".log"), "run", rig_file)
+        port = port_of(rig_file)
+        until("the port", lambda: port_open(port) or self.program.process.poll() is not None)
+        assert self.program.process.poll() is None, self.program.said()
+        self.rpc = Rpc(port)
+        self.rpc.call("subscribe", topics=["event", "estimate", "health"])
+        until("the loop", lambda: self.rpc.call("status")["health"]["ticks"])
+
+    def counter(self, name: str) -> int:
+        found: int = self.rpc.call("status")["health"]["counters"][name]
+        return found
+
+    def estimates(self, count: int) -> list[dict[str, float]]:
+        """So many more that are `ok`."""
+        fits = lambda m: m.get("method") == "estimate" and m["params"]["quality"] == "ok"  # noqa: E731
+        return [self.rpc.wait_for("an estimate", fits)["params"] for _ in range(count)]
+
+    def close(self) -> None:
+        self.rpc.close()
+        self.program.stop()
+        print(self.program.said())
+
+
+@pytest.fixture
+def rig(rig_file: Path) -> Iterator[Rpc]:
+    """The back door of `seod rig`."""
+    program = Program(rig_file.with_suffix(".rig.log"), "rig", rig_file)
+    rpc = Rpc(program.ready()["control_port"])
+    yield rpc
+    rpc.close()
+    program.stop()
+    print(program.said())
+
+
+@pytest.fixture
+def daemon(rig: Rpc, rig_file: Path) -> Iterator[Daemon]:
+    daemon = Daemon(rig_file)
+    yield daemon
+    daemon.close()
+
+
+def test_zeta_over_a_serial_line_and_through_its_faults(rig: Rpc, daemon: Daemon) -> None:
+    truth = rig.call("truth")["motor"]
+    daemon.rpc.call("start")
+    last = daemon.estimates(10)[-1]
+    assert last["omega_n"] == pytest.approx(truth["omega_n"], rel=0.03)
+    assert last["zeta"] == pytest.approx(truth["zeta"], rel=0.1)
+    for name, fault in (
+        ("crc_errors", {"kind": "corrupt", "probability": 0.05}),
+        ("lost", {"kind": "drop", "probability": 0.05}),
+        ("bad_frames", {"kind": "garbage", "rate_hz": 200.0}),
+    ):
+        before = daemon.counter(name)
+        rig.call("fault", **fault)
+        until(name, lambda name=name, before=before: daemon.counter(name) > before)
+        rig.call("clear")
+    daemon.estimates(3)
+
+
+def test_an_unplugged_board_is_a_fault_and_can_be_started_again(rig: Rpc, daemon: Daemon) -> None:
+    daemon.rpc.call("start")
+    daemon.estimates(2)
+    rig.call("unplug", seconds=1.0)
+    fault = daemon.rpc.event(event="fault")
+    assert "is gone" in fault["why"]
+    until("the board again", lambda: daemon.counter("reopened") == 1 and daemon.counter("handshakes") == 2)
+
+    def reset() -> bool:
+        with suppress(RpcError):  # not before neutral has passed
+            daemon.rpc.call("reset")
+            return True
+        return False
+
+    until("the reset", reset)
+    daemon.rpc.call("start")
+    daemon.estimates(2)
+
+
+def test_when_the_loop_is_killed_the_supervisor_writes_neutral(rig: Rpc, daemon: Daemon) -> None:
+    daemon.rpc.call("start")
+    daemon.estimates(1)
+    assert rig.call("history", plant="motor")[-1][1] != 0.0
+    kill(find_process("seod.loop", daemon.program.pid), signal.SIGKILL)
+    until("neutral", lambda: rig.call("history", plant="motor")[-1][1] == 0.0)
+    trips = rig.call("state")["plants"]["motor"]["watchdog_trips"]
+    assert trips == 0  # half a second had not passed: it was the supervisor
+
+
+def test_a_line_with_nobody_at_its_end_is_told(rig_file: Path) -> None:
+    program = Program(rig_file.with_suffix(".log"), "run", rig_file)
+    assert program.wait() != 0
+    assert "there is no such port" in program.said()
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if shutil.which("gcc") is None:
+        pytest.fail("no gcc: `apt-get install gcc libc6-dev`")
+    target = tmp_path_factory.mktemp("firmware") / "board"
+    sources = [FIRMWARE / name for name in ("seod_frame.c", "seod_board.c", "posix/main.c")]
+    strict = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+    subprocess.run(
+        ["gcc", "-std=c99", "-O2", *strict, *map(str, sources), "-lm", "-o", str(target)], check=True
+    )
+    return target
+
+
+def test_zeta_from_the_reference_firmware(firmware: Path, rig_file: Path) -> None:
+    text = rig_file.read_text().replace("watchdog_s: 0.5\n  confirm", "watchdog_s: 0.05\n  confirm")
+    rig_file.write_text(text)
+    line = str(rig_file.with_name("board"))
+    board = subprocess.Popen([firmware, line, "95", "0.35"], stdout=subprocess.PIPE)
+    assert board.stdout is not None
+    assert b"ready" in board.stdout.readline()
+    daemon = Daemon(rig_file)
+    try:
+        daemon.rpc.call("start")
+        last = daemon.estimates(10)[-1]
+        assert last["omega_n"] == pytest.approx(95.0, rel=0.03)
+        assert last["zeta"] == pytest.approx(0.35, rel=0.1)
+    finally:
+        daemon.close()
+        board.terminate()
+        board.wait()
+        board.stdout.close()
