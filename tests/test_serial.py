@@ -120,14 +120,15 @@ def test_an_unplugged_board_is_a_fault_and_can_be_started_again(rig: Rpc, daemon
     assert "is gone" in fault["why"]
     until("the board again", lambda: daemon.counter("reopened") == 1 and daemon.counter("handshakes") == 2)
 
-    def reset() -> bool:
+    daemon.rpc.call("reset")
+
+    def start() -> bool:
         with suppress(RpcError):  # not before neutral has passed
-            daemon.rpc.call("reset")
+            daemon.rpc.call("start")
             return True
         return False
 
-    until("the reset", reset)
-    daemon.rpc.call("start")
+    until("the start", start)
     daemon.estimates(2)
 
 
