@@ -207,12 +207,13 @@ class SerialRig(RigEnd):
             self.board.dropped()
 
     def _unplug(self, params: dict[str, Any]) -> object:
-        """`seconds`: the port vanishes, and comes back with a board that was switched off meanwhile."""
+        """`seconds`: the port vanishes; it comes back with a board that had no power."""
         seconds = params.get("seconds", 1.0)
         if not isinstance(seconds, int | float) or not 0.0 < seconds <= 60.0:
             raise ValueError("unplug needs seconds, above 0 and at most 60")
         self._port.close()
         self.board.sampling = False
+        self.rig.apply(self._clock(), dict.fromkeys(self.rig.inputs(), 0.0))
         self._plug_at = self._clock() + seconds
         return {"seconds": seconds}
 
