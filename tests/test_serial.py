@@ -22,20 +22,20 @@ pytestmark = pytest.mark.processes
 FIRMWARE = Path(__file__).parents[1] / "drivers" / "firmware"
 
 
-def write_rig_file(folder: Path) -> Path:
-    """The shipped serial rig with a port and a line of its own, and patience with a busy machine."""
+def write_rig_file(folder: Path, name: str = "serial") -> Path:
+    """A shipped serial rig with a port and a line of its own, and patience with a busy machine."""
     port = free_port()
-    text = (configs_dir() / "serial.yaml").read_text()
+    text = (configs_dir() / f"{name}.yaml").read_text()
     for old, new in (
-        ("rig: serial-motor", f"rig: serial-{port}"),
+        ("version: 1\nrig: ", f"version: 1\nrig: on-{port}-"),
         ("port: 7600", f"port: {port}"),
         ("control_port: 7601", "control_port: 0"),
-        ("port: /tmp/seod-board", f"port: {folder / 'board'}"),
+        ("port: /tmp/seod-", f"port: {folder}/"),
         ("hang_timeout: 200 ms", "hang_timeout: 1 s"),
         ("stale: 50 ms", "stale: 200 ms\n  overruns: {count: 1000, window: 1 s}"),
         ("rig_watchdog: 50 ms", "rig_watchdog: 500 ms"),
-        ("watchdog_s: 0.05      ", "watchdog_s: 0.5\n  confirm_timeout_s: 1.0"),
-        ("  watchdog_s: 0.05\n", "  watchdog_s: 0.5\n"),
+        ("kind: serial", "kind: serial\n  confirm_timeout_s: 1.0"),
+        ("  watchdog_s: 0.05", "  watchdog_s: 0.5"),
     ):
         assert old in text, old
         text = text.replace(old, new)
@@ -148,6 +148,22 @@ def test_a_line_with_nobody_at_its_end_is_told(rig_file: Path) -> None:
     assert "there is no such port" in program.said()
 
 
+def test_the_example_of_an_arduino(tmp_path: Path) -> None:
+    rig_file = write_rig_file(tmp_path, "arduino")
+    program = Program(rig_file.with_suffix(".rig.log"), "rig", rig_file)
+    back_door = Rpc(program.ready()["control_port"])
+    daemon = Daemon(rig_file)
+    try:
+        daemon.rpc.call("start")
+        last = daemon.estimates(10)[-1]
+        assert last["omega_n"] == pytest.approx(117.0, rel=0.03)
+        assert last["zeta"] == pytest.approx(0.21, rel=0.1)
+    finally:
+        daemon.close()
+        back_door.close()
+        program.stop()
+
+
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if shutil.which("gcc") is None:
@@ -162,8 +178,6 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_zeta_from_the_reference_firmware(firmware: Path, rig_file: Path) -> None:
-    text = rig_file.read_text().replace("watchdog_s: 0.5\n  confirm", "watchdog_s: 0.05\n  confirm")
-    rig_file.write_text(text)
     line = str(rig_file.with_name("board"))
     board = subprocess.Popen([firmware, line, "95", "0.35"], stdout=subprocess.PIPE)
     assert board.stdout is not None

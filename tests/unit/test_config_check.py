@@ -174,3 +174,42 @@ def test_a_simulated_rig_wired_the_wrong_way_round_is_told() -> None:
     assert found.warnings == (
         "axes.motor is wired the wrong way round to its simulated plant (scales below 0)",
     )
+
+
+SERIAL = (configs_dir() / "serial.yaml").read_text()
+UART = ("  usb: true ", "  baud: 1000000 #")
+
+
+def test_the_serial_lines_load_is_that_of_its_bytes_each_way() -> None:
+    told = report(SERIAL, UART)
+    assert told.line is not None
+    samples, commands = told.line.ways
+    # type, sequence, 8 of time, status and acknowledgement, 5 of inputs, CRC of 4, COBS, end; 10 bits a byte
+    assert (samples.length, samples.rate_hz) == (2 + 8 + 5 + 4 + 1 + 1, 2000.0)
+    assert told.line.share(samples) == pytest.approx(21 * 10 * 2000 / 1e6)
+    assert commands.length == 2 + 2 + 4 + 1 + 1
+    assert told.ok
+    assert "42.0%" in str(told)
+
+
+def test_a_line_that_is_too_slow_is_refused_and_a_full_one_warned_of() -> None:
+    slow = report(SERIAL, ("  usb: true ", "  baud: 115200 #"))
+    assert [text.split(" would")[0] for text in slow.refusals] == ["samples", "commands"]
+    full = report(SERIAL, ("  usb: true ", "  baud: 500000 #"))
+    assert full.ok
+    assert any("samples keep" in text and "84% of the time" in text for text in full.warnings)
+
+
+def test_a_usb_line_has_no_load() -> None:
+    told = report(SERIAL)
+    assert told.ok
+    assert told.warnings == ()
+    assert "no bit rate limits it" in str(told)
+
+
+def test_a_board_that_is_slower_than_the_loop_or_the_guard_is_told() -> None:
+    slow = report(SERIAL, ("  rate_hz: 2000                   # samples", "  rate_hz: 15 # samples"))
+    assert any("always stale" in text for text in slow.refusals)
+    assert any("some ticks have no new sample" in text for text in slow.warnings)
+    patient = report(SERIAL, ("  watchdog_s: 0.05                #", "  watchdog_s: 0.2 #"))
+    assert any("allows the board 0.2 s" in text for text in patient.warnings)

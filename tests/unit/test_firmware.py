@@ -193,3 +193,10 @@ def test_a_wrong_checksum_is_told_from_other_damage() -> None:
     damaged[3] ^= 0x10
     with pytest.raises(CrcError):
         decode(bytes(damaged))
+
+
+def test_the_sketch_is_one_that_a_compiler_takes() -> None:
+    sketch = FIRMWARE / "arduino" / "seod_board" / "seod_board.ino"
+    board = ROOT / "tests" / "firmware" / "arduino"
+    options = ["-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", f"-I{FIRMWARE}", f"-I{board}"]
+    subprocess.run(["g++", *options, "-include", "Arduino.h", "-x", "c++", str(sketch)], check=True)

@@ -146,7 +146,7 @@ int main(int count, char **words) {
     fprintf(stderr, "the layout does not fit\n");
     return 1;
   }
-  printf("{\"board\": \"ready\", \"port\": \"%s\"}\n", words[1]);
+  printf("{\"board\": \"ready\", \"port\": \"%s\", \"begun\": %.9f}\n", words[1], rig.begun);
   fflush(stdout);
   run(&board, &rig);
   unlink(words[1]);
