@@ -10,7 +10,7 @@ from drivers import serial_frame as binary_form
 from drivers.serial_frame import Block, BoardSample, CrcError, FrameError, Hello, Splitter
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from drivers.serial_config import FieldOptions, SerialOptions
 
@@ -49,6 +49,24 @@ def make_codec(options: SerialOptions, counts: list[int]) -> Codec:
     return BinaryCodec(options, counts) if options.format == "binary" else AsciiCodec(options, counts)
 
 
+def _usable(
+    parts: Sequence[bytes], read: Callable[[bytes], BoardSample | Hello | None], counts: list[int]
+) -> list[BoardSample | Hello]:
+    """What is in these parts of the stream; those that are broken are counted."""
+    found = []
+    for part in parts:
+        try:
+            message = read(part)
+        except CrcError:
+            counts[count.CRC_ERRORS] += 1
+        except FrameError:
+            counts[count.BAD_FRAMES] += 1
+        else:
+            if message is not None:
+                found.append(message)
+    return found
+
+
 def codes(block: Sequence[FieldOptions]) -> str:
     """Of a block's fields, as in a layout."""
     return "".join(field.code for field in block)
@@ -78,20 +96,11 @@ class BinaryCodec:
 
     def feed(self, data: bytes) -> list[BoardSample | Hello]:
         """What is whole now; the rest is counted."""
-        found: list[BoardSample | Hello] = []
-        for encoded in self._splitter.feed(data):
-            if not encoded:
-                continue
-            try:
-                found.append(self._read(encoded))
-            except CrcError:
-                self._counts[count.CRC_ERRORS] += 1
-            except FrameError:
-                self._counts[count.BAD_FRAMES] += 1
+        frames = [encoded for encoded in self._splitter.feed(data) if encoded]
         self._counts[count.GARBAGE_BYTES] = self._splitter.thrown
-        return found
+        return _usable(frames, self._read, self._counts)
 
-    def _read(self, encoded: bytes) -> BoardSample | Hello:
+    def _read(self, encoded: bytes) -> BoardSample | Hello | None:
         frame = binary_form.decode(encoded)
         if frame.type == binary_form.SAMPLE:
             return binary_form.read_sample(self._inputs, frame)
@@ -136,27 +145,19 @@ class AsciiCodec:
 
     def feed(self, data: bytes) -> list[BoardSample | Hello]:
         """As in the binary form; the first line is left out: its beginning may be missing."""
-        found: list[BoardSample | Hello] = []
-        for line in self._splitter.feed(data):
-            if self._first:
-                self._first = False
-                continue
-            try:
-                found += self._read(line)
-            except CrcError:
-                self._counts[count.CRC_ERRORS] += 1
-            except FrameError:
-                self._counts[count.BAD_FRAMES] += 1
+        lines = self._splitter.feed(data)
         self._counts[count.GARBAGE_BYTES] = self._splitter.thrown
-        return found
+        if lines and self._first:
+            self._first = False
+            del lines[0]
+        return _usable(lines, self._read, self._counts)
 
-    def _read(self, line: bytes) -> list[BoardSample | Hello]:
+    def _read(self, line: bytes) -> BoardSample | Hello | None:
         version = ascii_form.board_version(line)
         if version is not None:
             o = self._options
-            return [Hello(version, o.layout, o.rate_hz, o.watchdog_s, "")]
-        sample = self._line.read(line)
-        return [] if sample is None else [sample]
+            return Hello(version, o.layout, o.rate_hz, o.watchdog_s, "")
+        return self._line.read(line)
 
     def clear(self) -> None:
         """The line was lost: forget what has come of a line."""

@@ -152,16 +152,23 @@ def test_the_example_of_an_arduino(tmp_path: Path) -> None:
     rig_file = write_rig_file(tmp_path, "arduino")
     program = Program(rig_file.with_suffix(".rig.log"), "rig", rig_file)
     back_door = Rpc(program.ready()["control_port"])
+    try:
+        assert_found(rig_file, 117.0, 0.21)
+    finally:
+        back_door.close()
+        program.stop()
+
+
+def assert_found(rig_file: Path, omega_n: float, zeta: float) -> None:
+    """A daemon on this rig comes to these values."""
     daemon = Daemon(rig_file)
     try:
         daemon.rpc.call("start")
         last = daemon.estimates(10)[-1]
-        assert last["omega_n"] == pytest.approx(117.0, rel=0.03)
-        assert last["zeta"] == pytest.approx(0.21, rel=0.1)
+        assert last["omega_n"] == pytest.approx(omega_n, rel=0.03)
+        assert last["zeta"] == pytest.approx(zeta, rel=0.1)
     finally:
         daemon.close()
-        back_door.close()
-        program.stop()
 
 
 @pytest.fixture(scope="module")
@@ -182,14 +189,9 @@ def test_zeta_from_the_reference_firmware(firmware: Path, rig_file: Path) -> Non
     board = subprocess.Popen([firmware, line, "95", "0.35"], stdout=subprocess.PIPE)
     assert board.stdout is not None
     assert b"ready" in board.stdout.readline()
-    daemon = Daemon(rig_file)
     try:
-        daemon.rpc.call("start")
-        last = daemon.estimates(10)[-1]
-        assert last["omega_n"] == pytest.approx(95.0, rel=0.03)
-        assert last["zeta"] == pytest.approx(0.35, rel=0.1)
+        assert_found(rig_file, 95.0, 0.35)
     finally:
-        daemon.close()
         board.terminate()
         board.wait()
         board.stdout.close()
