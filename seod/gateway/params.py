@@ -75,6 +75,10 @@ class DriveParams(AxisParams):
     """[s]"""
     stay: bool = False
     """Hold it where the drive has brought it, not where it began."""
+    tones: list[Annotated[list[_Finite], Field(min_length=3, max_length=3)]] = Field(
+        default=[], max_length=60
+    )
+    """[frequency in Hz, amplitude in V, phase in rad] each, for a steady voltage; clipped at `volts`."""
 
 
 class AuthenticateParams(Params):

@@ -13,12 +13,13 @@ from seod.loop.course import Course, Push
 from seod.loop.guard import AxisGuard, Trip
 from seod.loop.position import PositionMode
 from seod.loop.sensor import make_sensor
+from seod.loop.tones import Tones, read_tones
 from seod.loop.velocity import VelocityMode
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, FLAG_SATURATED, AxisState
 from seod.settings import configured, refusal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from seod.config.model import AxisConfig, RigConfig
     from seod.loop.mode import Mode
@@ -83,13 +84,21 @@ class Axis:
         course = self.course
         relay = course.relay is not None
         at_amplitude = t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
-        swing = self.mode.swing if relay else None
+        swing = self.mode.swing if relay or isinstance(course.controller, Tones) else None
         return self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
 
-    def drive(self, t: float, volts: float, duration: float, stay: float = 0) -> str | None:
+    def drive(
+        self,
+        t: float,
+        volts: float,
+        duration: float,
+        stay: bool = False,
+        tones: Sequence[Sequence[float]] = (),
+    ) -> str | None:
         """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not.
 
-        With `stay` it is held where the drive has brought it.
+        With `stay` it is held where the drive has brought it. `tones`, [Hz, V, rad] each, take the place of
+        the steady voltage, clipped at `volts`.
         """
         limits = self.config.limits
         if not math.isfinite(volts) or abs(volts) + abs(self.settings["bias"]) > limits.output:
@@ -97,7 +106,10 @@ class Axis:
         if not 0.0 < duration <= limits.excitation:
             longest = f"limits.excitation = {limits.excitation:g} s"
             return f"{self.name}: duration must be > 0 and at most {longest}"
-        return self.start(t, Push(volts, duration, bool(stay)))
+        try:
+            return self.start(t, Push(volts, duration, stay, read_tones(tones)))
+        except ValueError as error:
+            return f"{self.name}: {error}"
 
     def start(self, t: float, push: Push | None = None, waiting: bool = False) -> str | None:
         """Begin with the relay, with a drive or by `waiting` for a turn; returns why not."""

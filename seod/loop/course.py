@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from seod.loop import events
 from seod.loop.excite import Coast, Controller, Drive, PolarityPulse, Relay
 from seod.loop.guard import Trip
+from seod.loop.tones import Tone, Tones
 from seod.ring import AxisState
 
 if TYPE_CHECKING:
@@ -25,11 +26,19 @@ ACTIVE = frozenset({AxisState.ARMED, AxisState.EXCITING, AxisState.HOLDING})
 
 
 class Push(NamedTuple):
-    """A drive as it was asked for: voltage [V], duration [s], whether it ends where it has come to."""
+    """A drive as it was asked for.
+
+    Attributes:
+        volts: Voltage, or with tones the largest of their sum [V].
+        duration: [s].
+        stay: It ends where it has come to.
+        tones: For a frequency response, in velocity mode about the reference; none for a steady voltage.
+    """
 
     volts: float
     duration: float
     stay: bool
+    tones: tuple[Tone, ...] = ()
 
 
 class Course:
@@ -173,9 +182,7 @@ class Course:
 
     def _excite(self, t: float) -> None:
         if self.pushed is not None:
-            volts, duration, _ = self.pushed
-            self.controller = Drive(t + duration, volts)
-            self._become(AxisState.EXCITING, t, f"drive: {volts:g} V for {duration:g} s")
+            self._drive(t, self.pushed)
             return
         entry = self.config.excitation.entry
         self.controller = Relay(t, entry, self.settings["e_a"], self.settings["hysteresis"])
@@ -183,12 +190,23 @@ class Course:
         self.entered = t
         self._become(AxisState.EXCITING, t, "relay on")
 
+    def _drive(self, t: float, push: Push) -> None:
+        end, what = t + push.duration, "drive"
+        if push.tones:
+            hold, entry = self.mode.hold(t, rest=False), self.config.excitation.entry
+            self.controller = Tones(t, end, entry, push.volts, push.tones, hold)
+            what = f"{len(push.tones)} tones"
+        else:
+            self.controller = Drive(end, push.volts)
+        self._become(AxisState.EXCITING, t, f"{what}: {push.volts:g} V for {push.duration:g} s")
+
     def _return(self, t: float, why: str) -> None:
         self._begin_hold(t)
         self._become(AxisState.HOLDING, t, why)
 
     def _begin_hold(self, t: float) -> None:
-        self.controller = self.mode.hold(t, rest=self.stopping or self.waiting or self.pushed is not None)
+        steady = self.pushed is not None and not self.pushed.tones
+        self.controller = self.mode.hold(t, rest=self.stopping or self.waiting or steady)
         self.entered = t
 
     def _become(self, state: AxisState, t: float, why: str) -> None:

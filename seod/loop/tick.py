@@ -201,7 +201,7 @@ class Loop:
             return f"unknown command {op!r}"
         return None
 
-    def start(self, t: float, chosen: list[Axis], in_turn: bool = False, **drive: float) -> str | None:
+    def start(self, t: float, chosen: list[Axis], in_turn: bool = False, **drive: Any) -> str | None:
         """Start axes, or drive them (`Axis.drive`), all or none; returns why not."""
         estop = self.estop(t)
         if self.trouble or estop is not None:
