@@ -12,7 +12,7 @@ from seod.config.gain import Gain, GainModel
 from seod.config.model import LimitsConfig, RelayConfig
 from seod.config.units import dimension_of, parse_quantity, units_of
 from seod.config.wiring import sensor_dimension
-from seod.gain import gain_range
+from seod.gain import gain_range, needs_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -92,7 +92,8 @@ def _conditions(draft: Draft, axis: str) -> Iterator[ConfigError]:
         elif sensor is not None and sensor.dimension != dimension:
             right = f"a sensor in one of {', '.join(units_of(dimension))}"
             yield draft.error(path, f"sensor {name!r} measures {sensor.dimension}", right)
-    if isinstance(gain(draft, axis), GainModel) and draft.raw("axes", axis, "supply_pressure") is None:
+    K_L = gain(draft, axis)
+    if K_L is not None and needs_pressure(K_L) and draft.raw("axes", axis, "supply_pressure") is None:
         right = "`supply_pressure:` with the name of a sensor of pressure"
         yield draft.error(("axes", axis, "K_L"), "depends on supply pressure, which no sensor tells", right)
 
@@ -137,6 +138,10 @@ def _reference(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.wrong(path, f"must lie within limits.travel, {low:g} to {high:g}")
     relay, K_L = draft.section(RelayConfig, "axes", axis, "relay"), gain(draft, axis)
     if reference is None or relay is None or K_L is None:
+        return
+    if gain_range(K_L)[0] <= 0.0:
+        message = "velocity mode opens the valve by reference / K_L before anything is identified"
+        yield draft.error(("axes", axis, "K_L"), message, "a first guess: `K_L: {identified: 17}`")
         return
     volts = abs(reference) / gain_range(K_L)[0] + abs(relay.bias) + relay.e_a
     if volts > limits.output:

@@ -59,8 +59,8 @@ def test_the_range_of_a_gain():
     ("raw", "told"),
     [
         (0, "greater than 0"),
-        ({}, "either `table` or `polynomial`"),
-        ({**EQ_9, **TABLE}, "either `table` or `polynomial`"),
+        ({}, "one of `table`, `polynomial`"),
+        ({**EQ_9, **TABLE}, "one of `table`, `polynomial`"),
         ({"polynomial": [17.0]}, "belong together"),
         ({**EQ_9, "range": [10e6, 5e6]}, "lower end"),
         ({"table": {"ps": [5e6, 6e6], "K_L": [14.0, 15.0, 16.0]}}, "one gain for each pressure"),
