@@ -25,8 +25,15 @@ def identify(
     delay: Annotated[
         float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
     ] = None,
-    output: Annotated[Literal["position", "velocity"], typer.Option(help="What y is.")] = "position",
-    offset: Annotated[bool, typer.Option("--offset", help="A velocity y may have an offset.")] = False,
+    output: Annotated[
+        Literal["position", "velocity"] | None,
+        typer.Option(help="What y is. Default: by the rig file, else position."),
+    ] = None,
+    offset: Annotated[bool, typer.Option(help="A velocity y may have an offset.")] = True,
+    hold: Annotated[
+        Literal["zero", "first"],
+        typer.Option(help="Whether u holds until the next row or runs straight on to it."),
+    ] = "zero",
     columns: Annotated[
         str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
     ] = "",
@@ -45,7 +52,7 @@ def identify(
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
-        wishes = Wishes(gain, delay, output, offset, columns, units, axis, as_json, plot)
+        wishes = Wishes(gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
         try:
             show(run(paths, rig, wishes))
         except (ReadError, IdentifyError, OSError) as error:

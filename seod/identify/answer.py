@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final
 
-from seod.estimate.advice import Advice, advise, as_json
-from seod.identify.fit import NAMES, ZETA_RANGE, Fit, Given, fit
+from seod.estimate.advice import INTERVAL, Advice, advise, as_json
+from seod.estimate.base import finite_or_none
+from seod.identify.fit import Fit, fit
+from seod.identify.problem import NAMES, ZETA_RANGE, Given
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +27,13 @@ _UNSURE: Final = 0.1
 """Relative standard deviation above which a value is not told."""
 _POOR: Final = 0.3
 """nrmse above which it is another plant, not noise."""
+_NOTHING: Final = 0.95
+"""nrmse above which nothing is explained."""
 _TIED: Final = 0.98
 """Correlation from which on two values are told only together."""
 _UNITS: Final = {"omega_n": "rad/s", "zeta": "", "delay": "s", "K_L": "unit/s/V"}
+WITHOUT_DELAY: Final = "without delay"
+FIRST_ORDER: Final = "as a first-order lag"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,34 +49,52 @@ class Result:
     """The answer.
 
     Attributes:
-        fit: The best plant.
-        quality: `ok`, or why not: `ambiguous`, `noisy`, `nonlinear`, `out_of_range`, `no_fit`.
-        unknown: What the recordings cannot tell, in sentences.
+        fit: The plant; of several that explain the recordings as well, the simplest. None: nothing is told.
+        quality: `ok`, or why it is not to be believed: a word of `seod.estimate.base.QUALITIES`.
+        message: The reason of a quality that is not `ok`.
+        cannot_tell: What the recordings cannot tell, in sentences.
         alternatives: Plants that explain them as well.
+        assumed: Names of values that were not told and are taken to be zero.
         advice: For the position controller; None where the answer is not `ok`.
+        method: What found it.
     """
 
-    fit: Fit
+    fit: Fit | None
     quality: str
-    unknown: tuple[str, ...]
-    alternatives: tuple[Alternative, ...]
-    advice: Advice | None
+    message: str | None = None
+    cannot_tell: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    assumed: tuple[str, ...] = ()
+    advice: Advice | None = None
+    method: str = "output_error"
 
     def as_json(self) -> dict[str, Any]:
-        """Values with standard deviations, quality word, nrmse and what else there is."""
-        value, sd = self.fit.value, self.fit.sd
-        told: dict[str, Any] = {name: {"value": value[name], "sd": sd[name]} for name in NAMES}
-        return told | {
+        """Values with standard deviations, quality word, nrmse and what else there is; undefined is None."""
+        return self._values() | {
             "quality": self.quality,
-            "method": "output_error",
-            "nrmse": self.fit.nrmse,
-            "correlation": correlations(self.fit),
-            "rejected": self.fit.rejected,
-            "unknown": list(self.unknown),
+            "message": self.message,
+            "method": self.method,
+            "nrmse": None if self.fit is None else finite_or_none(self.fit.nrmse),
+            "correlation": {} if self.fit is None else correlations(self.fit),
+            "rejected": 0 if self.fit is None else self.fit.rejected,
+            "cannot_tell": list(self.cannot_tell),
+            "assumed": list(self.assumed),
             "alternatives": [
                 {"what": each.what, **each.fit.value, "nrmse": each.fit.nrmse} for each in self.alternatives
             ],
             "advice": None if self.advice is None else as_json(self.advice),
+        }
+
+    def _values(self) -> dict[str, Any]:
+        if self.fit is None:
+            return {name: {"value": None, "sd": None} for name in NAMES}
+        value, sd = self.fit.value, self.fit.sd
+        return {
+            name: {
+                "value": finite_or_none(value[name]),
+                "sd": None if name in self.assumed else finite_or_none(sd[name]),
+            }
+            for name in NAMES
         }
 
 
@@ -83,12 +107,23 @@ def identify(records: Sequence[Record], K_L: float | None = None, delay: float |
         delay: Beyond the recordings' own times [s] if it is known; None: free.
     """
     best = fit(records, Given(K_L, delay))
-    alternatives = _alternatives(records, K_L, delay, best)
-    unknown = [*_unsure(best), *_tied(best), *(_told(each, best) for each in alternatives)]
-    value = best.value | {"K_L": abs(best.value["K_L"])}
-    quality = _quality(best, alternatives)
-    advice = advise(value, best.sd) if quality == "ok" else None
-    return Result(best, quality, tuple(unknown), tuple(alternatives), advice)
+    others = _alternatives(records, K_L, delay, best) if _is_open(best) else []
+    simplest = next((each.fit for each in others if each.what == WITHOUT_DELAY), None)
+    told = best if simplest is None else simplest
+    cannot_tell = [_told(each, best) for each in others] or [*_unsure(best), *_tied(best)]
+    quality, message = _quality(records, told, bool(others))
+    value = told.value | {"K_L": abs(told.value["K_L"])}
+    return Result(
+        fit=told,
+        quality=quality,
+        message=message,
+        cannot_tell=tuple(cannot_tell),
+        alternatives=tuple(
+            Alternative("with delay", best) if each.what == WITHOUT_DELAY else each for each in others
+        ),
+        assumed=() if simplest is None else ("delay",),
+        advice=advise(value, told.sd) if quality == "ok" else None,
+    )
 
 
 def correlations(best: Fit) -> dict[str, float]:
@@ -98,20 +133,31 @@ def correlations(best: Fit) -> dict[str, float]:
     return {f"{a},{b}": round(float(table[i, j] / (sd[a] * sd[b])), 4) for (i, a), (j, b) in pairs}
 
 
+def _is_open(best: Fit) -> bool:
+    """Whether others may explain the recordings as well: a residual that is no noise hides much."""
+    return not best.white or any(best.sd[name] > _UNSURE * best.value[name] for name in ("omega_n", "zeta"))
+
+
 def _alternatives(
     records: Sequence[Record], K_L: float | None, delay: float | None, best: Fit
 ) -> list[Alternative]:
-    """Tried only where the best fit leaves it open: with a delay free, and near a first-order lag."""
+    """Simpler plants, as far as they explain the recordings as well as the best."""
     found = []
-    if delay is None and abs(best.value["delay"]) > 3.0 * best.sd["delay"]:
+    if delay is None:
         slower = best.plant._replace(zeta=min(best.value["zeta"], 1.5), delay=0.0)
-        found.append(Alternative("without delay", fit(records, Given(K_L, 0.0), slower)))
+        found.append(Alternative(WITHOUT_DELAY, fit(records, Given(K_L, 0.0), slower)))
     if best.value["zeta"] > 2.0:
         lag = 2.0 * best.value["zeta"] / best.value["omega_n"]
         start = best.plant._replace(omega_n=2.0 * _FIRST_ORDER / lag, zeta=_FIRST_ORDER)
         first_order = fit(records, Given(K_L, delay, _FIRST_ORDER), start)
-        found.append(Alternative("as a first-order lag", first_order))
-    return [each for each in found if _as_well(each.fit, best)]
+        found.append(Alternative(FIRST_ORDER, first_order))
+    return [each for each in found if _as_well(each.fit, best) and _differs(each.fit, best)]
+
+
+def _differs(other: Fit, best: Fit) -> bool:
+    """Whether it matters which of the two it is."""
+    a, b = other.value, best.value
+    return any(abs(a[name] - b[name]) > _UNSURE * b[name] for name in ("omega_n", "zeta"))
 
 
 def _as_well(other: Fit, best: Fit) -> bool:
@@ -123,28 +169,31 @@ def _as_well(other: Fit, best: Fit) -> bool:
 
 
 def _told(other: Alternative, best: Fit) -> str:
-    value = other.fit.value
-    errors = f"error {100 * other.fit.nrmse:.2f} % instead of {100 * best.nrmse:.2f} %"
-    if other.what == "without delay":
+    value, sd = best.value, best.sd
+    errors = f"error {100 * best.nrmse:.2f} % instead of {100 * other.fit.nrmse:.2f} %"
+    if other.what == WITHOUT_DELAY:
         return (
-            f"without delay omega_n {value['omega_n']:.4g} rad/s, zeta {value['zeta']:.4g} explain the data "
-            f"nearly as well ({errors}): zeta and delay cannot be told apart; "
-            f"give the delay if you know it (--delay)"
+            f"with the delay free, omega_n {value['omega_n']:.4g} +- {INTERVAL * sd['omega_n']:.2g} rad/s, "
+            f"zeta {value['zeta']:.4g} +- {INTERVAL * sd['zeta']:.2g} and {1000 * value['delay']:.3g} ms "
+            f"explain the data as well ({errors}): zeta and delay cannot be told apart; give the delay if "
+            f"you know it (--delay)"
         )
-    lag = 2.0 * value["zeta"] / value["omega_n"]
+    simple = other.fit.value
+    lag = 2.0 * simple["zeta"] / simple["omega_n"]
     return (
-        f"a first-order lag of {1000 * lag:.3g} ms with {1000 * value['delay']:.3g} ms delay explains "
-        f"the data as well ({errors}): omega_n and zeta cannot be told apart, only 2 zeta / omega_n"
+        f"a first-order lag of {1000 * lag:.3g} ms with {1000 * simple['delay']:.3g} ms delay explains "
+        f"the data as well (error {100 * other.fit.nrmse:.2f} %): omega_n and zeta cannot be told apart, "
+        f"only 2 zeta / omega_n"
     )
 
 
 def _unsure(best: Fit) -> list[str]:
     """Values whose deviation is a large part of them; for the delay, of the time 1 / omega_n."""
     sizes = best.value | {"delay": 1.0 / best.value["omega_n"]}
+    unsure = [name for name in NAMES if best.sd[name] > _UNSURE * abs(sizes[name])]
     return [
-        f"{name} is hardly told: {best.value[name]:.4g} +- {1.96 * best.sd[name]:.2g} {_UNITS[name]}".rstrip()
-        for name in NAMES
-        if best.sd[name] > _UNSURE * abs(sizes[name])
+        f"{name} is hardly told: {best.value[name]:.4g} +- {INTERVAL * best.sd[name]:.2g} {_UNITS[name]}"
+        for name in unsure
     ]
 
 
@@ -162,14 +211,26 @@ def _tied(best: Fit) -> list[str]:
     return out
 
 
-def _quality(best: Fit, alternatives: Sequence[Alternative]) -> str:
-    value, sd = best.value, best.sd
-    if not all(math.isfinite(x) for x in (*value.values(), *sd.values())) or best.nrmse >= 1.0:
-        return "no_fit"
-    if not 1.1 * ZETA_RANGE[0] < value["zeta"] < 0.9 * ZETA_RANGE[1]:
-        return "out_of_range"
-    if best.nrmse > _POOR and not best.white:
-        return "nonlinear"
-    if alternatives:
-        return "ambiguous"
-    return "noisy" if _unsure(best) else "ok"
+def _quality(records: Sequence[Record], told: Fit, is_open: bool) -> tuple[str, str | None]:
+    """The word, worst first, and the reason."""
+    clipped = [record.name for record in records if record.is_clipped]
+    left = f"the simulation leaves {100 * told.nrmse:.3g} % of the recordings"
+    zeta, unsure = told.value["zeta"], _unsure(told)
+    words = (
+        ("fault", not _is_finite(told), "the search came to no number"),
+        ("saturated", bool(clipped), f"{', '.join(clipped)}: y stands at an end of its sensor's range"),
+        ("noisy", told.nrmse > _NOTHING and told.white, f"{left}: y has little to do with u"),
+        ("nonlinear", told.nrmse > _POOR and not told.white, f"{left}, and it is no noise: another plant"),
+        ("out_of_range", not _is_in_range(zeta), f"zeta ran to {zeta:.3g}"),
+        ("noisy", is_open, "other plants explain the recordings as well"),
+        ("noisy", bool(unsure), "; ".join(unsure)),
+    )
+    return next(((word, why) for word, applies, why in words if applies), ("ok", None))
+
+
+def _is_finite(told: Fit) -> bool:
+    return all(math.isfinite(x) for x in (*told.value.values(), *told.sd.values(), told.nrmse))
+
+
+def _is_in_range(zeta: float) -> bool:
+    return 1.1 * ZETA_RANGE[0] < zeta < 0.9 * ZETA_RANGE[1]
