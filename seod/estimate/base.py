@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from seod.estimate.levels import Dependence
+
 
 class Row(NamedTuple):
     """One tick of one axis, in SI units of the axis (rad or m, V, s).
@@ -83,6 +85,8 @@ class Estimate:
     """Age of the window's middle when it ended [s]: so much the answer lags behind a drifting plant."""
     correlation: Mapping[str, float] | None = None
     """Of the estimated unknowns, by pairs: "zeta,omega_n" and, where they are free, "K_L" and "delay"."""
+    e_a_dependence: Dependence | None = None
+    """How it differs from the answer at another amplitude of the relay; not from the estimator."""
     advice: str | None = None
     """What a person should do about a quality that is not ok."""
 

@@ -7,9 +7,11 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from seod.estimate import levels
 from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
 from seod.gain import gain_range
+from seod.gateway.messages import message
 from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
 from seod.settings import configured
 
@@ -19,12 +21,13 @@ if TYPE_CHECKING:
     from seod.config.calibration import CalibratedValue
     from seod.config.model import AxisConfig
     from seod.estimate.base import Estimator
-
-RowTuple = tuple[float, float, float, float, float, float, float, float, float, float, float, int, int]
-"""One axis of a row in the order of `seod.ring.AXIS_FIELDS`, then state and flags."""
+    from seod.gateway.messages import RowTuple
 
 LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "reference", "trim")
 """Settings that the loop keeps, too; the others are the estimator's alone."""
+
+INCOMPARABLE = frozenset({"method", "K_L", "reference"})
+"""Settings whose change makes answers at other amplitudes those of another question."""
 
 _STATE_SETTLES_S = 0.1
 """A row this much newer than the last state event is believed where the two differ: an event was lost."""
@@ -73,6 +76,7 @@ class Axis:
     _state_t: float = -math.inf
     _running: tuple[bool, float] = (False, 0.0)
     _mean: CycleMean = field(default_factory=CycleMean)
+    _levels: levels.Levels = field(default_factory=levels.Levels)
     _velocity: bool = field(init=False)
     _estimator: Estimator = field(init=False)
 
@@ -118,6 +122,8 @@ class Axis:
         if not changed:
             return
         self.settings.update(changed)
+        if not INCOMPARABLE.isdisjoint(changed):
+            self._levels = levels.Levels()
         self._estimator = self.make(self._estimator_settings())
 
     def interrupted(self) -> None:
@@ -143,7 +149,7 @@ class Axis:
                 raise
             self._mean.add(row, values[1])
             if answer is not None and self.fault is None:
-                self.estimate = self._with_conditions(answer, values)
+                self.estimate = self._at_its_level(row.e_a, self._with_conditions(answer, values))
                 answers.append(self.estimate)
         self.stale = False
         return answers
@@ -168,6 +174,16 @@ class Axis:
             temperature=finite_or_none(temperature),
             K_L=answer.K_L if answer.K_L is not None else finite_or_none(K_L),
         )
+
+    def _at_its_level(self, e_a: float, answer: Estimate) -> Estimate:
+        """The answer, with what others at other amplitudes say to it."""
+        if answer.quality != "ok":
+            return answer
+        finding = self._levels.compare(e_a, answer)
+        if finding is None or not finding.matters:
+            return replace(answer, e_a_dependence=finding)
+        advice = levels.ADVICE.format(other=finding.other_e_a)
+        return replace(answer, e_a_dependence=finding, quality="nonlinear", advice=advice)
 
     def reconcile(self, t: float, state: int) -> None:
         """Believe the newest row, of time `t` [s], where a state event was lost."""
@@ -218,54 +234,3 @@ class Axis:
             "controller": of_estimate(estimate),
             "settings": dict(self.settings),
         }
-
-
-def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
-    """The `estimate` notification; `ps` [Pa] and `temperature` [K] are null where no sensor tells them."""
-    return {
-        "axis": axis,
-        "t": estimate.t,
-        "age_s": now - estimate.t,
-        "zeta": estimate.zeta,
-        "zeta_sd": estimate.zeta_sd,
-        "omega_n": estimate.omega_n,
-        "omega_n_sd": estimate.omega_n_sd,
-        "K_L": estimate.K_L,
-        "K_L_sd": estimate.K_L_sd,
-        "delay_s": estimate.delay_s,
-        "frequency": estimate.frequency,
-        "amplitude": estimate.amplitude,
-        "asymmetry": estimate.asymmetry,
-        "mean_speed": estimate.mean_speed,
-        "ps": estimate.ps,
-        "temperature": estimate.temperature,
-        "fitness": estimate.fitness,
-        "misfit": estimate.misfit,
-        "lag_s": estimate.lag_s,
-        "correlation": estimate.correlation and dict(estimate.correlation),
-        "method": estimate.method,
-        "quality": estimate.quality,
-        "advice": estimate.advice,
-    }
-
-
-def sample_message(axis: str, tick: int, row: RowTuple) -> dict[str, Any]:
-    """The `sample` notification of one row; `signal` is the relay's input e."""
-    t, y, reference, u, t_u, e_a, bias, signal, ps, temperature, K_L, state, flags = row
-    return {
-        "axis": axis,
-        "tick": tick,
-        "t": t,
-        "y": y,
-        "u": u,
-        "t_u": t_u,
-        "reference": reference,
-        "signal": signal,
-        "e_a": e_a,
-        "bias": bias,
-        "ps": finite_or_none(ps),
-        "temperature": finite_or_none(temperature),
-        "K_L": finite_or_none(K_L),
-        "state": AxisState(state).name.lower(),
-        "fresh": bool(flags & FLAG_FRESH),
-    }

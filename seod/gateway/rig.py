@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 from seod import PROTOCOL, __version__
 from seod.config.resolution import resolution_of
 from seod.config.truth import truth
-from seod.gateway.estimation import Axis, message, sample_message
+from seod.gateway.estimation import Axis
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
+from seod.gateway.messages import message, sample_message
 from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.estimate.base import Estimate, Estimator, EstimatorSettings
-    from seod.gateway.estimation import RowTuple
     from seod.gateway.hub import Hub
+    from seod.gateway.messages import RowTuple
     from seod.ring import Shared
 
     Event = dict[str, Any]
@@ -79,6 +80,7 @@ class Rig:
         self._recording = recording or Recording()
         self._reader = RowReader(shared)
         self._rows_lost = 0
+        self._dependent: dict[str, float] = {}
         self._health = Health(shared)
         self._started: Event = {"realtime": {"ok": False, "why": ["the loop has not started yet"]}}
         self._last_rows = self._next_health = clock()
@@ -154,6 +156,7 @@ class Rig:
                     self._publish_sample(axis.name, tick, row)
             for estimate in self._estimates(axis, block):
                 self._publish_estimate(axis.name, estimate)
+                self._note_dependence(axis.name, estimate)
             axis.reconcile(float(rows["tick_t"][-1]), block[-1][-2])
 
     def _estimates(self, axis: Axis, block: list[RowTuple]) -> list[Estimate]:
@@ -162,6 +165,15 @@ class Rig:
         except (ValueError, ArithmeticError) as error:
             self._warn("estimator", f"{axis.name}: the estimator began anew: {error}", axis.name)
             return []
+
+    def _note_dependence(self, axis: str, estimate: Estimate) -> None:
+        """Tell, once for each pair of amplitudes, that the answer depends on them."""
+        finding = estimate.e_a_dependence
+        if estimate.quality == "ok":
+            self._dependent.pop(axis, None)
+        elif finding is not None and self._dependent.get(axis) != finding.other_e_a:
+            self._dependent[axis] = finding.other_e_a
+            self._warn("depends_on_e_a", f"{axis}: {estimate.advice}", axis)
 
     def _note_lost(self) -> None:
         lost = self._reader.lost - self._rows_lost

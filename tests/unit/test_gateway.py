@@ -19,7 +19,7 @@ from seod.ring import AxisState, Word
 
 ESTIMATE_FIELDS = {"axis", "t", "age_s", "zeta", "zeta_sd", "omega_n", "omega_n_sd", "K_L", "K_L_sd"} | {
     *("delay_s", "frequency", "amplitude", "asymmetry", "mean_speed", "ps", "temperature", "fitness"),
-    *("misfit", "lag_s", "correlation", "method", "quality", "advice"),
+    *("misfit", "lag_s", "correlation", "e_a_dependence", "method", "quality", "advice"),
 }
 
 
