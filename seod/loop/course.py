@@ -11,9 +11,10 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from seod.loop import events
-from seod.loop.excite import Coast, Controller, Drive, PolarityPulse, Relay
+from seod.loop.excite import Coast, Controller, Drive, PolarityPulse
 from seod.loop.guard import Trip
 from seod.loop.tones import Tone, Tones
+from seod.loop.two_phase import TwoPhaseRelay, TwoPhases
 from seod.ring import AxisState
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class Course:
         entered: When the state, or what it consists of, began [s].
         waiting: For its turn, holding the position; see `seod.loop.turns`.
         stopping: On the way to idle.
+        phases: The second phase of the relay, kept from burst to burst.
         pushed: The drive that takes the relay's place; None for the relay.
     """
 
@@ -74,17 +76,19 @@ class Course:
         self.name, self.config, self.settings, self.mode, self.emit = name, config, settings, mode, emit
         self.state = AxisState.IDLE
         self.active = self.exciting = False
-        self.relay: Relay | None = None
+        self.relay: TwoPhaseRelay | None = None
         self.controller: Controller = Coast()
         self.polarity_known = not config.polarity.enabled
         self.started = self.entered = -math.inf
         self.stopping = self.waiting = False
         self.pushed: Push | None = None
+        self.phases = TwoPhases(name, config.limits, settings, emit)
 
     def begin(self, t: float, push: Push | None, waiting: bool) -> None:
         """Start, with the relay or with a drive, or `waiting` for a turn."""
         self.started, self.stopping = t, False
         self.pushed, self.waiting = push, waiting
+        self.phases.drop(t, None, "start")
         self._become(AxisState.ARMED, t, "start")
         if not self.polarity_known:
             pulse = self.config.polarity
@@ -118,6 +122,7 @@ class Course:
         """Latch; the polarity has to be shown anew."""
         self.polarity_known = not self.config.polarity.enabled
         if self.state is not AxisState.FAULT:
+            self.phases.drop(t, None, "fault")
             self._become(AxisState.FAULT, t, why)
 
     def reset(self, t: float) -> None:
@@ -185,7 +190,8 @@ class Course:
             self._drive(t, self.pushed)
             return
         entry = self.config.excitation.entry
-        self.controller = Relay(t, entry, self.settings["e_a"], self.settings["hysteresis"])
+        e_a, hysteresis = self.settings["e_a"], self.settings["hysteresis"]
+        self.controller = TwoPhaseRelay(t, entry, e_a, hysteresis, self.phases.phase)
         self.mode.relay_on(t)
         self.entered = t
         self._become(AxisState.EXCITING, t, "relay on")
@@ -213,5 +219,5 @@ class Course:
         previous, self.state = self.state, state
         self.active = state in ACTIVE
         self.exciting = state is AxisState.EXCITING
-        self.relay = self.controller if self.exciting and isinstance(self.controller, Relay) else None
+        self.relay = self.controller if self.exciting and isinstance(self.controller, TwoPhaseRelay) else None
         self.emit(events.state(t, self.name, state, previous, why))

@@ -144,6 +144,11 @@ class VelocityMode:
         tolerance = self.config.hold.tolerance or 0.5 * self.K_L * self.settings["e_a"]
         return self.settling.done(t, abs(self.error) <= tolerance)
 
+    def absorb(self, K_L: float) -> None:
+        """What the trim had put right is in the gain now."""
+        if self.settings["trim"] and self.duty is not None:
+            self._trim(self.reference / self.K_L - self.reference / K_L)
+
     def relay_on(self, t: float) -> None:
         """The integral begins at the relay's threshold."""
         self.integral = 0.0
@@ -167,7 +172,7 @@ class VelocityMode:
         mean = duty.note(t, relay.sign)
         if mean is not None:
             self.warned.clear()
-            if abs(mean) > DEADBAND:
+            if abs(mean) > DEADBAND and not relay.turning:
                 self._trim(TRIM_GAIN * mean * e_a)
         elif duty.stuck(t):
             self._tell_stuck(relay)
