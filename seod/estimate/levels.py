@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimate
 
 ALLOWED: Final = {"zeta": 0.03, "omega_n": 0.01, "K_L": 0.01}
-"""Parts by which answers at two amplitudes may differ: no more than the method is good for."""
+"""Parts by which answers may differ at twice the amplitude: no more than the method is good for. Amplitudes
+that are closer must differ by less."""
 CERTAIN: Final = 5.0
 """Standard deviations of the difference beyond which it is none of noise's; answers come many a second."""
-SAME_E_A: Final = 0.05
+SAME_E_A: Final = 0.1
 """Amplitudes that differ by less than this part are one level."""
 SAME_CONDITION: Final = {"ps": 0.02, "temperature": 0.01}
 """Parts by which conditions may differ between levels that are compared; 3 K."""
@@ -72,12 +73,12 @@ class Levels:
         fresh = [each for each in others if _comparable(each.estimate, estimate)]
         if fresh:
             nearest = min(fresh, key=lambda each: abs(math.log(each.e_a / e_a)))
-            self.finding = dependence(nearest.e_a, nearest.estimate, estimate)
+            self.finding = dependence(nearest.e_a, nearest.estimate, e_a, estimate)
         self._levels = [*others[-(MOST - 1) :], _Level(e_a, estimate)]
         return self.finding
 
 
-def dependence(other_e_a: float, other: Estimate, here: Estimate) -> Dependence | None:
+def dependence(other_e_a: float, other: Estimate, here_e_a: float, here: Estimate) -> Dependence | None:
     """Compare two answers; None where one lacks numbers or deviations."""
     differences: dict[str, tuple[float, float]] = {}
     for name in ALLOWED:
@@ -88,6 +89,7 @@ def dependence(other_e_a: float, other: Estimate, here: Estimate) -> Dependence 
         if None in values or None in sds or not values[1]:
             return None
         differences[name] = values[0] / values[1] - 1.0, math.hypot(*sds) / abs(values[1])
+    octaves = min(abs(math.log2(here_e_a / other_e_a)), 1.0)
     surprises = {name: abs(part) / max(sd, 1e-12) for name, (part, sd) in differences.items()}
     return Dependence(
         other_e_a,
@@ -96,7 +98,8 @@ def dependence(other_e_a: float, other: Estimate, here: Estimate) -> Dependence 
         K_L=differences["K_L"][0] if "K_L" in differences else None,
         sds=max(surprises.values()),
         matters=any(
-            surprises[name] > CERTAIN and abs(part) > ALLOWED[name] for name, (part, _) in differences.items()
+            surprises[name] > CERTAIN and abs(part) > octaves * ALLOWED[name]
+            for name, (part, _) in differences.items()
         ),
     )
 
