@@ -65,7 +65,7 @@ VARIED: dict[str, list[dict[str, object]]] = {
     "hysteresis": [{"hysteresis": x} for x in (0.1, 0.3)],
     "friction": [{"friction": x} for x in (0.005, 0.02)],
     "velocity mode": [{"speed": True}],
-    "delay unknown": [{"free": "delay"}],
+    "delay known to 0.3 ticks": [{"free": "delay"}],
     "K_L known to 3 %": [{"free": "K_L"}],
 }
 """About each of `PLANTS`."""

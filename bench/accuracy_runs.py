@@ -87,8 +87,8 @@ def _numbers(run: Run, a: Estimate) -> Numbers | None:
 
 def _relative(run: Run, values: baselines.Answer) -> Numbers:
     omega_n, omega_n_sd, zeta, zeta_sd = values
-    of_omega_n = omega_n / run.omega_n - 1.0, omega_n_sd / run.omega_n
-    of_zeta = zeta / run.zeta - 1.0, zeta_sd / run.zeta
+    of_omega_n = omega_n / run.plant.omega_n - 1.0, omega_n_sd / run.plant.omega_n
+    of_zeta = zeta / run.plant.zeta - 1.0, zeta_sd / run.plant.zeta
     return [float(f"{x:.5g}") for x in (*of_omega_n, *of_zeta)]
 
 
@@ -97,7 +97,7 @@ def _of_users(run: Run, seed: int) -> dict[str, Said]:
     rng = np.random.default_rng([seed, 2])
     off = np.exp(np.array(baselines.GUESS) * np.clip(rng.standard_normal(2), -2.0, 2.0))
     delay, omega = run.case.delay, 2.0 * math.pi / run.period
-    guess = (run.omega_n * off[0], run.zeta * off[1])
+    guess = (run.plant.omega_n * off[0], run.plant.zeta * off[1])
     found = {
         "EKF": baselines.kalman(run.y, run.u, TICK, delay, K_L, run.sigma, guess),
         "RLS": baselines.least_squares(run.y, run.u, TICK, delay, omega),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from accuracy_cases import TICK, Case
@@ -22,8 +23,8 @@ Array = np.ndarray
 K_L, E_A = 17.0, 0.5
 SPEED = 30.0
 """Mean speed in velocity mode [unit/s]."""
-GAIN_KNOWN = 0.03
-"""How well K_L is known where it is estimated, as a part of it."""
+GAIN_KNOWN, DELAY_KNOWN = 0.03, 0.3
+"""How well K_L and the delay are known where they are estimated: a part of K_L, ticks."""
 CYCLES = 4
 """The estimators' window."""
 BEFORE = 3
@@ -35,13 +36,24 @@ STEP = 1e-4
 """Of the differences, relative to each unknown's scale."""
 
 
+class Plant(NamedTuple):
+    """What is true."""
+
+    zeta: float
+    omega_n: float
+    K_L: float = K_L
+    delay: float = 0.0
+    """From a voltage's leaving to its arrival [s]."""
+    load: float = 0.0
+    """[unit/s^2]"""
+
+
 @dataclass(frozen=True)
 class Run:
     """One record of a case; arrays of shape (n,)."""
 
     case: Case
-    zeta: float
-    omega_n: float
+    plant: Plant
     sigma: float
     """Of the noise [unit, or unit/s]; a coarse sensor's counts included."""
     step: float
@@ -82,21 +94,26 @@ class Run:
         """What a user would tell the estimators."""
         free = self.case.free
         return EstimatorSettings(
-            method, K_L, self.hysteresis, 0.0, TICK, CYCLES, None,
+            method, K_L, self.hysteresis, known_delay(self.case), TICK, CYCLES, None,
             K_L_sd=GAIN_KNOWN * K_L if free == "K_L" else 0.0,
-            delay_sd=TICK if free == "delay" else 0.0,
+            delay_sd=DELAY_KNOWN * TICK if free == "delay" else 0.0,
             resolution=0.0 if self.case.speed else self.step,
             integrated=self.case.speed,
         )  # fmt: skip
+
+
+def known_delay(case: Case) -> float:
+    """Delay beyond that to a voltage's leaving that is reckoned with [s]."""
+    return TICK if case.free == "delay" else 0.0
 
 
 @lru_cache
 def scale_of(case: Case) -> tuple[float, float]:
     """Amplitude [unit, or unit/s] and period [s] of the case's limit cycle without noise and hysteresis."""
     plain = Case(case.zeta, case.turn, 0.0, delay=case.delay, friction=case.friction, speed=case.speed)
-    omega_n = case.turn / TICK
+    plant = Plant(case.zeta, case.turn / TICK, delay=known_delay(case))
     t = TICK * np.arange(int(40.0 * 2.0 * math.pi / case.turn))
-    y, u, _ = _limit_cycle(plain, case.zeta, omega_n, t, (0.0, 0.0), 0.0, NONE)
+    y, u, _ = _limit_cycle(plain, plant, t, (0.0, 0.0), 0.0, NONE)
     late = t > 0.5 * t[-1]
     ups = np.flatnonzero(np.diff(u[late]) > 0.0)
     newest = y[late][ups[0] : ups[-1]]
@@ -106,48 +123,50 @@ def scale_of(case: Case) -> tuple[float, float]:
 def make(case: Case, seed: int) -> Run:
     """One record, from rest somewhat beside the set point; the seed makes it again."""
     rng = np.random.default_rng([seed, *case.name.encode()])
-    zeta, omega_n = case.zeta, case.turn / TICK
-    if not case.speed or case.noise or case.steps:
-        zeta *= 1.0 + SPREAD * rng.uniform(-1.0, 1.0)
-        omega_n *= 1.0 + SPREAD * rng.uniform(-1.0, 1.0)
-    amplitude, period = scale_of(case)
+    plant, (amplitude, period) = _drawn(case, rng), scale_of(case)
     nominal = TICK * np.arange(int(2 * (CYCLES + BEFORE) * period / TICK))
     t = nominal + TICK * case.jitter * np.clip(rng.standard_normal(len(nominal)), -3.0, 3.0)
     noise = case.noise * amplitude * rng.standard_normal(len(t))
-    position = amplitude / (omega_n if case.speed else 1.0)
+    position = amplitude / (plant.omega_n if case.speed else 1.0)
     hysteresis, step = case.hysteresis * position, amplitude / case.steps if case.steps else 0.0
-    y, u, t_u = _limit_cycle(
-        case, zeta, omega_n, t, (hysteresis, 0.3 * position * rng.uniform(-1.0, 1.0)), step, noise
-    )
+    place = hysteresis, 0.3 * position * rng.uniform(-1.0, 1.0)
+    y, u, t_u = _limit_cycle(case, plant, t, place, step, noise)
     ups = _ups(t, u, period)[: CYCLES + BEFORE + 1]
     count = int(ups[-1]) + 3
-    stamped = t if case.told else nominal
     sigma = math.hypot(case.noise * amplitude, step / math.sqrt(12.0))
-    kept = (x[:count] for x in (t, stamped, y, u, t_u if case.told else nominal + TICK * case.delay))
-    return Run(
-        case, zeta, omega_n, sigma, step, hysteresis, float(t[ups[-1]] - t[ups[1]]) / (len(ups) - 2), *kept
+    mean_period = float(t[ups[-1]] - t[ups[1]]) / (len(ups) - 2)
+    kept = (x[:count] for x in (t, t if case.told else nominal, y, u, t_u))
+    return Run(case, plant, sigma, step, hysteresis, mean_period, *kept)
+
+
+def _drawn(case: Case, rng: np.random.Generator) -> Plant:
+    """The case's plant, somewhat off; what the case leaves free is off by as much as is known of it."""
+    zeta, omega_n = (x * (1.0 + SPREAD * rng.uniform(-1.0, 1.0)) for x in (case.zeta, case.turn / TICK))
+    off = float(np.clip(rng.standard_normal(), -3.0, 3.0))
+    gain = K_L * (1.0 + GAIN_KNOWN * off) if case.free == "K_L" else K_L
+    delay = TICK * (1.0 + DELAY_KNOWN * off) if case.free == "delay" else 0.0
+    return Plant(zeta, omega_n, gain, delay)
+
+
+def _parameters(plant: Plant, speed: bool, effects: dict[str, dict[str, float]] | None = None) -> Array:
+    linear = {"transport_delay": {"time": plant.delay}, "load_bias": {"acceleration": plant.load}}
+    return parameters(
+        plant.K_L, plant.omega_n, plant.zeta, linear | (effects or {}), measures_speed=float(speed)
     )
-
-
-def _plant(case: Case, zeta: float, omega_n: float, step: float, **more: float) -> Array:
-    effects = {}
-    if step:
-        effects["sensor_quantization"] = {"step": step}
-    if case.friction:
-        effects["coulomb_friction"] = {"level": case.friction * K_L * E_A * omega_n}
-    return parameters(K_L, omega_n, zeta, effects, measures_speed=float(case.speed), **more)
 
 
 def _limit_cycle(
-    case: Case, zeta: float, omega_n: float, t: Array, place: tuple[float, float], step: float, noise: Array
+    case: Case, plant: Plant, t: Array, place: tuple[float, float], step: float, noise: Array
 ) -> tuple[Array, Array, Array]:
     """Readings, voltages and when they left; `place` is the hysteresis and where the plant starts [unit]."""
-    p, relay = _plant(case, zeta, omega_n, step), np.zeros(1, RELAY)
+    effects = {"coulomb_friction": {"level": case.friction * K_L * E_A * plant.omega_n}}
+    effects["sensor_quantization"] = {"step": step}
+    p, relay = _parameters(plant, case.speed, effects), np.zeros(1, RELAY)
     relay["e_a"], relay["hysteresis"], relay["latency"] = E_A, place[0], TICK * case.delay
     state = new_state(p, t[0], place[1])
     if case.speed:
         relay["velocity_mode"], relay["reference"], relay["bias"] = 1.0, SPEED, SPEED / K_L
-        state["velocity"], state["pressure"] = SPEED, 2.0 * zeta * omega_n * SPEED
+        state["velocity"], state["pressure"] = SPEED, 2.0 * plant.zeta * plant.omega_n * SPEED
         state["spool"] = state["target"] = SPEED / K_L
     y, u, t_u = np.empty((3, len(t)))
     sampled_relay(p[0], state[0], relay[0], t, noise, NONE, NONE, y, u, t_u)
@@ -194,28 +213,31 @@ def _slope(run: Run, first: int, name: str) -> Array:
 
 def _readings(run: Run, first: int, name: str, off: float) -> Array:
     """Without noise; the unknown is off by a part of its scale from the sample `first` on."""
-    plain = Case(run.case.zeta, run.case.turn, speed=run.case.speed)
-    p = _plant(plain, run.zeta, run.omega_n, 0.0)
+    p = _parameters(run.plant, run.case.speed)
     state = new_state(p, run.t[0] - TICK, 0.0)
     follow(p[0], state[0], run.t_u, run.u, run.t[: first + 1], NONE, NONE, NONE, np.empty(first + 1))
-    t_u, speed = run.t_u, K_L * E_A
-    gain, omega_n, zeta, load = K_L, run.omega_n, run.zeta, 0.0
+    omega_n, y = run.plant.omega_n, np.empty(len(run.t) - first)
+    scales = {
+        place: K_L * E_A * omega_n ** (k - 1) for k, place in enumerate(("position", "velocity", "pressure"))
+    }
+    if name in scales:
+        state[name] += off * scales[name]
+    p = _parameters(_beside(run.plant, name, off), run.case.speed)
+    follow(p[0], state[0], run.t_u, run.u, run.t[first:], NONE, NONE, NONE, y)
+    return y
+
+
+def _beside(plant: Plant, name: str, off: float) -> Plant:
+    """The plant with an unknown off by a part of its scale."""
     match name:
         case "omega_n":
-            omega_n *= math.exp(off)
+            return plant._replace(omega_n=plant.omega_n * math.exp(off))
         case "zeta":
-            zeta *= math.exp(off)
+            return plant._replace(zeta=plant.zeta * math.exp(off))
         case "K_L":
-            gain *= 1.0 + GAIN_KNOWN * off
+            return plant._replace(K_L=plant.K_L + GAIN_KNOWN * K_L * off)
         case "delay":
-            t_u = t_u + TICK * off
+            return plant._replace(delay=plant.delay + DELAY_KNOWN * TICK * off)
         case "load":
-            load = off * speed * omega_n
-        case _:
-            state[name] += off * speed * omega_n ** ("position", "velocity", "pressure").index(name) / omega_n
-    p = parameters(
-        gain, omega_n, zeta, {"load_bias": {"acceleration": load}}, measures_speed=float(run.case.speed)
-    )
-    y = np.empty(len(run.t) - first)
-    follow(p[0], state[0], t_u, run.u, run.t[first:], NONE, NONE, NONE, y)
-    return y
+            return plant._replace(load=off * K_L * E_A * plant.omega_n)
+    return plant

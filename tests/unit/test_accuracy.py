@@ -51,11 +51,11 @@ def in_force(run: Run) -> np.ndarray:
 def replayed(case: Case, seed: int) -> tuple[Run, np.ndarray]:
     """A record, and the motion of scipy's plant under its voltages from the start that suits it best."""
     run = make(case, seed)
-    forced = states(run.zeta, run.omega_n, in_force(run), np.zeros(3))
-    scale = np.diag(run.omega_n ** np.arange(3.0))
-    free = np.stack([states(run.zeta, run.omega_n, 0.0 * run.u, x)[:, 0] for x in scale])
+    forced = states(run.plant.zeta, run.plant.omega_n, in_force(run), np.zeros(3), gain=run.plant.K_L)
+    scale = np.diag(run.plant.omega_n ** np.arange(3.0))
+    free = np.stack([states(run.plant.zeta, run.plant.omega_n, 0.0 * run.u, x)[:, 0] for x in scale])
     start = np.linalg.lstsq(free.T, run.y - forced[:, 0], rcond=None)[0]
-    return run, forced + states(run.zeta, run.omega_n, 0.0 * run.u, scale @ start)
+    return run, forced + states(run.plant.zeta, run.plant.omega_n, 0.0 * run.u, scale @ start)
 
 
 @pytest.mark.parametrize("case", PLAIN)
@@ -80,13 +80,15 @@ def test_the_limit_cycle_is_that_of_the_loop_written_apart(case):
 def test_the_bound_is_that_of_the_plant_written_apart(case):
     run, motion = replayed(case, 1)
     first = len(run.t) - int(2.5 * run.period / TICK)
-    scale = 0.1 * K_L * E_A * run.omega_n ** np.array([-1.0, 0.0, 1.0])
+    scale = 0.1 * K_L * E_A * run.plant.omega_n ** np.array([-1.0, 0.0, 1.0])
 
     def at(x: np.ndarray) -> np.ndarray:
-        plant = run.zeta * math.exp(x[1]), run.omega_n * math.exp(x[0])
-        begin, gain = motion[first] + x[2:5] * scale, K_L * (1.0 + 0.03 * x[6])
+        plant = run.plant.zeta * math.exp(x[1]), run.plant.omega_n * math.exp(x[0])
+        begin, gain = motion[first] + x[2:5] * scale, run.plant.K_L + 0.03 * K_L * x[6]
         moved = states(*plant, in_force(run)[first:], begin, 0.1 * x[5], gain)
-        return moved[:, 0] - x[7] * TICK * moved[:, 1]  # a later voltage: all is later, but for the start
+        return (
+            moved[:, 0] - x[7] * 0.3 * TICK * moved[:, 1]
+        )  # a later voltage: all is later, but for the start
 
     count = {"": 6, "K_L": 7, "delay": 8}[case.free]
     slopes = np.stack([at(1e-4 * e) - at(-1e-4 * e) for e in np.eye(8)[:count]]) / 2e-4 / run.sigma
@@ -111,18 +113,18 @@ def test_a_longer_window_and_less_noise_lower_the_bound():
 def test_a_seed_makes_a_record_again_and_another_one_another():
     one, same, other = make(GRID[0], 1), make(GRID[0], 1), make(GRID[0], 2)
     assert np.array_equal(one.y, same.y)
-    assert one.omega_n != other.omega_n
+    assert one.plant != other.plant
     assert len({case.name for _, case in about_the_plants()} | {case.name for case in GRID}) == 24 + 21 * 3
 
 
 def test_wave_reaches_the_bound_and_its_intervals_hold():
-    """A small run of the bench: 10 records of each plant."""
-    heard = [hear(case, seed, compared=False) for case in PLAIN for seed in range(10)]
+    """A small run of the bench: 6 records of each plant."""
+    heard = [hear(case, seed, compared=False) for case in PLAIN for seed in range(6)]
     found = summary(heard, "wave")
-    assert found.good >= 29
-    assert max(found.ratio) < 1.5  # 4 standard deviations of chance from 1
+    assert found.good >= 17
+    assert max(found.ratio) < 1.7  # 4 standard deviations of chance from 1
     assert max(map(abs, found.bias)) < 2e-3
-    assert min(found.covered) >= 24
+    assert min(found.covered) >= 13
     assert np.max(found.first) < 2.1
 
 
@@ -133,10 +135,10 @@ def test_both_baselines_find_the_plant_without_noise():
     run = make(Case(0.45, 0.0725, noise=0.0), 1)
     omega = 2.0 * math.pi / run.period
     omega_n, _, zeta, _ = baselines.least_squares(run.y, run.u, TICK, 1, omega)
-    assert (omega_n, zeta) == pytest.approx((run.omega_n, run.zeta), rel=1e-4)
-    guess = 1.2 * run.omega_n, 0.6 * run.zeta
+    assert (omega_n, zeta) == pytest.approx((run.plant.omega_n, run.plant.zeta), rel=1e-4)
+    guess = 1.2 * run.plant.omega_n, 0.6 * run.plant.zeta
     omega_n, _, zeta, _ = baselines.kalman(run.y, run.u, TICK, 1, K_L, 0.0, guess)
-    assert (omega_n, zeta) == pytest.approx((run.omega_n, run.zeta), rel=1e-3)
+    assert (omega_n, zeta) == pytest.approx((run.plant.omega_n, run.plant.zeta), rel=1e-3)
 
 
 def test_noise_misleads_least_squares_and_not_the_filter():
