@@ -62,7 +62,8 @@ class Answer:
         finest = FLOOR * float(np.ptp(motion)) / max(fit.noise * fit.colour, 1e-300)
         step = 0.0 if window.integrated else max(window.resolution, steps_of(window.y))
         cycles = float(window.t[-1] - window.t[0]) / period
-        counts = math.sqrt(1.0 + max(cycles - 1.0, 0.0) * repeating_counts(step, fit.noise))
+        # counts that repeat do so mirrored in the other half cycle: no more independent than half of one
+        counts = math.sqrt(1.0 + max(2.0 * cycles - 1.0, 0.0) * repeating_counts(step, fit.noise))
         seen = math.sqrt(repeats.excess) if repeats.chance < SUSPECT else 1.0
         return cls(window, fit, newest, repeats, max(1.0, finest, seen, counts), step)
 

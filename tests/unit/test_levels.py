@@ -46,7 +46,7 @@ def at_levels(effects: dict, *e_a: float, noise: float = 0.003) -> list[list[Est
     axis = Axis("motor", rig_config().axes["motor"], TICK, make_estimator)
     answers = []
     for k, level in enumerate(e_a):
-        axis.change({"e_a": level})
+        axis.change({"e_a": level, "hysteresis": 0.05 * amplitude_of(ZETA, OMEGA_N) * level / 0.5})
         answers.append(axis.feed(relay_rows(axis, effects, level, 100.0 + k, noise)))
     return answers
 
