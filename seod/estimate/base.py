@@ -36,6 +36,8 @@ class Row(NamedTuple):
     """Plant gain in force [axis unit/s/V]; nan: the one of the settings."""
     saturated: bool = False
     """The sample lies where its sensor clips."""
+    second: bool = False
+    """The relay is in the second phase of two: its switches come late on purpose."""
 
 
 QUALITIES = (

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from seod.estimate import levels
 from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
-from seod.gain import gain_range
+from seod.gain import gain_range, is_identified
 from seod.gateway.messages import message
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, FLAG_SECOND_PHASE, AxisState
 from seod.settings import configured
 
 if TYPE_CHECKING:
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimator
     from seod.gateway.messages import RowTuple
 
-LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "reference", "trim")
+LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "two_phase", "reference", "trim")
 """Settings that the loop keeps, too; the others are the estimator's alone."""
 
-INCOMPARABLE = frozenset({"method", "K_L", "reference"})
+INCOMPARABLE = frozenset({"method", "K_L", "reference", "two_phase"})
 """Settings whose change makes answers at other amplitudes those of another question."""
 
 _STATE_SETTLES_S = 0.1
@@ -73,6 +73,8 @@ class Axis:
     fault: dict[str, Any] | None = None
     estimate: Estimate | None = None
     stale: bool = False
+    second_phase: dict[str, float] | None = None
+    """Of the relay, as the loop told it; None for none."""
     _state_t: float = -math.inf
     _running: tuple[bool, float] = (False, 0.0)
     _mean: CycleMean = field(default_factory=CycleMean)
@@ -89,21 +91,23 @@ class Axis:
         """The loop's settings; K_L is null where it follows the supply pressure."""
         settings: dict[str, Any] = configured(self.config)
         settings.setdefault("K_L", None)
-        return settings | {"trim": bool(settings["trim"])} if "trim" in settings else settings
+        return settings | {key: bool(settings[key]) for key in ("two_phase", "trim") if key in settings}
 
     def _estimator_settings(self) -> EstimatorSettings:
-        estimator = self.config.estimator
+        estimator, phases = self.config.estimator, self.config.excitation.two_phase
+        two_phase = self.settings["two_phase"]
+        free = two_phase or is_identified(self.config.K_L)
         return EstimatorSettings(
             method=self.settings["method"],
             K_L=self.settings["K_L"] or sum(gain_range(self.config.K_L)) / 2.0,
             hysteresis=self.settings["hysteresis"],
             delay_s=estimator.delay,
             period_s=self.period_s,
-            cycles=estimator.cycles,
+            cycles=max(estimator.cycles, 2 * phases.cycles) if two_phase else estimator.cycles,
             lowpass_hz=estimator.lowpass,
             lag_s=self.lag_s,
-            K_L_sd=self._known_to(estimator.K_L_sd, "K_L"),
-            delay_sd=self._known_to(estimator.delay_sd, "delay"),
+            K_L_sd=math.inf if free else self._known_to(estimator.K_L_sd, "K_L"),
+            delay_sd=math.inf if two_phase else self._known_to(estimator.delay_sd, "delay"),
             resolution=0.0 if self._velocity else self.resolution,
             integrated=self._velocity,
         )
@@ -122,6 +126,8 @@ class Axis:
         if not changed:
             return
         self.settings.update(changed)
+        if changed.keys() == {"K_L"} and is_identified(self.config.K_L):
+            return  # it is the estimator's own
         if not INCOMPARABLE.isdisjoint(changed):
             self._levels = levels.Levels()
         self._estimator = self.make(self._estimator_settings())
@@ -160,8 +166,8 @@ class Axis:
         if self._velocity:
             y, reference = -signal, 0.0
         exciting, fresh = bool(flags & FLAG_EXCITING), bool(flags & FLAG_FRESH)
-        saturated = bool(flags & FLAG_SATURATED)
-        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated)
+        saturated, second = bool(flags & FLAG_SATURATED), bool(flags & FLAG_SECOND_PHASE)
+        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated, second)
 
     def _with_conditions(self, answer: Estimate, values: RowTuple) -> Estimate:
         """The answer with what the loop measured beside it; in velocity mode with the speed itself."""
@@ -232,5 +238,6 @@ class Axis:
             "fault": self.fault,
             "estimate": estimate,
             "controller": of_estimate(estimate),
+            "second_phase": self.second_phase,
             "settings": dict(self.settings),
         }

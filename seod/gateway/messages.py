@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from seod.estimate.base import Estimate, finite_or_none
-from seod.ring import FLAG_FRESH, AxisState
+from seod.ring import FLAG_FRESH, FLAG_SECOND_PHASE, AxisState
 
 RowTuple = tuple[float, float, float, float, float, float, float, float, float, float, float, int, int]
 """One axis of a row in the order of `seod.ring.AXIS_FIELDS`, then state and flags."""
@@ -60,4 +60,5 @@ def sample_message(axis: str, tick: int, row: RowTuple) -> dict[str, Any]:
         "K_L": finite_or_none(K_L),
         "state": AxisState(state).name.lower(),
         "fresh": bool(flags & FLAG_FRESH),
+        "phase": 2 if flags & FLAG_SECOND_PHASE else 1,
     }

@@ -56,6 +56,8 @@ class SetParams(AxisParams):
     hysteresis: _NonNegative | None = None
     bias: _Finite | None = None
     K_L: _Positive | None = None
+    two_phase: bool | None = None
+    """Whether the relay's phase alternates, so that K_L and the delay come out as well."""
     reference: _Finite | None = None
     """Velocity mode: the speed about which it oscillates [axis unit/s]."""
     trim: bool | None = None

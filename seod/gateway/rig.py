@@ -16,6 +16,7 @@ from seod.gateway.mailbox import Mailbox
 from seod.gateway.messages import message, sample_message
 from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
+from seod.gateway.two_phase import TwoPhases
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH
 from seod.record.recorder import WAITING_ROWS
 
@@ -71,9 +72,11 @@ class Rig:
             for sensor in [config.sensors[axis.sensor]]
         }
         self.mailbox = Mailbox(shared.commands, restart_loop)
+        self._two_phase = TwoPhases(self.axes, self.mailbox, self._warn)
         self.clients: Callable[[], dict[str, Any]] = dict
         """Tells about the clients in `health`; the server sets it."""
         self._config = config
+        self._replayed = config.driver["kind"] == "replay"
         self._truth = truth(config) or None
         self._shared = shared
         self._hub = hub
@@ -132,6 +135,7 @@ class Rig:
             axis.change(event["values"])
         elif kind == "warning" and event["code"] == "rows_lost":  # in a recording that is replayed
             self._interrupt()
+        self._two_phase.heard(event)
         self._publish_event(event)
 
     def _on_started(self, event: Event) -> None:
@@ -157,6 +161,8 @@ class Rig:
             for estimate in self._estimates(axis, block):
                 self._publish_estimate(axis.name, estimate)
                 self._note_dependence(axis.name, estimate)
+                if not self._replayed:
+                    self._two_phase.consider(axis.name, estimate, reference=block[-1][2])
             axis.reconcile(float(rows["tick_t"][-1]), block[-1][-2])
 
     def _estimates(self, axis: Axis, block: list[RowTuple]) -> list[Estimate]:

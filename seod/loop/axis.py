@@ -160,7 +160,7 @@ class Axis:
         if relay is not None:
             relay.e_a, relay.hysteresis = self.settings["e_a"], self.settings["hysteresis"]
         if values.keys() - {"K_L", "trim"}:  # the second phase was chosen for other settings
-            self.course.phases.drop(t, relay, "settings changed: the first phase goes on")
+            self.course.phases.drop(t, relay, "settings", "other settings: the first phase goes on")
         return None
 
     def command(self, t: float) -> float:

@@ -88,7 +88,7 @@ class Course:
         """Start, with the relay or with a drive, or `waiting` for a turn."""
         self.started, self.stopping = t, False
         self.pushed, self.waiting = push, waiting
-        self.phases.drop(t, None, "start")
+        self.phases.drop(t, None, "start", "start: to be chosen anew")
         self._become(AxisState.ARMED, t, "start")
         if not self.polarity_known:
             pulse = self.config.polarity
@@ -122,7 +122,7 @@ class Course:
         """Latch; the polarity has to be shown anew."""
         self.polarity_known = not self.config.polarity.enabled
         if self.state is not AxisState.FAULT:
-            self.phases.drop(t, None, "fault")
+            self.phases.drop(t, None, "fault", why)
             self._become(AxisState.FAULT, t, why)
 
     def reset(self, t: float) -> None:

@@ -28,10 +28,10 @@ def polarity(t: float, axis: str, result: PolarityResult, voltage: float) -> Eve
     return {**told, "voltage": voltage, "why": result.why}
 
 
-def two_phase(t: float, axis: str, phase: Mapping[str, float] | None, why: str) -> Event:
+def two_phase(t: float, axis: str, phase: Mapping[str, float] | None, code: str, why: str) -> Event:
     """The relay has the second phase `phase` from `t` [s] on, None for none any more."""
     told = {"event": "two_phase", "t": t, "axis": axis, "phase": None if phase is None else dict(phase)}
-    return {**told, "why": why}
+    return {**told, "code": code, "why": why}
 
 
 def warning(t: float, axis: str | None, code: str, why: str) -> Event:

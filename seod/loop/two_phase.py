@@ -126,7 +126,7 @@ class TwoPhases:
             self.phase = phase
             relay.take(phase)
             what = f"every {phase.cycles:g} cycles, as many with each switch {phase.late * 1e3:.2f} ms late"
-            self.emit(events.two_phase(t, self.name, phase._asdict(), what))
+            self.emit(events.two_phase(t, self.name, phase._asdict(), "chosen", what))
         return why
 
     def _refusal(self, relay: TwoPhaseRelay | None, phase: SecondPhase) -> str | None:
@@ -144,12 +144,12 @@ class TwoPhases:
         """Give the second phase up where the axis swings farther than was foreseen."""
         if relay is not None and relay.second and self.phase is not None and swing > self.phase.swing:
             why = f"it swings by {swing:.4g}, farther than foreseen: the first phase goes on"
-            self.drop(t, relay, why)
+            self.drop(t, relay, "swing", why)
 
-    def drop(self, t: float, relay: TwoPhaseRelay | None, why: str) -> None:
+    def drop(self, t: float, relay: TwoPhaseRelay | None, code: str, why: str) -> None:
         """Be in the first phase from now on, until another second phase is taken."""
         if relay is not None:
             relay.take(None)
         if self.phase is not None:
             self.phase = None
-            self.emit(events.two_phase(t, self.name, None, why))
+            self.emit(events.two_phase(t, self.name, None, code, why))

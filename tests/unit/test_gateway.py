@@ -52,13 +52,15 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings"}
+    known = {"axis", "state", "fault", "estimate", "controller", "second_phase", "settings"}
+    assert set(answer) == known
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
         "e_a": 0.5,
         "hysteresis": 0.004,
         "bias": 0.0,
         "K_L": 17.0,
+        "two_phase": False,
         "method": "wave",
     }
 
