@@ -4,9 +4,11 @@
 
 A sampled relay swings plants of zeta 0.1-1.5 and omega_n Ts 0.02-0.2, and the design's three plants with more
 noise, coarse sensors, jitter, delay, hysteresis, friction. Each run has a plant, start and noise of its own.
-Results go to a file, a line for every 25 runs; what it holds already is not done again, unless the sources
-have changed. All methods run in the first 50 runs of a case, `wave` alone in the others. Without noise there
-is no bound; counts are taken for noise in it. `--quick`: 50 runs of the three plants.
+All methods run in the first 50 runs of a case, `wave` alone in the others. Without noise there is no bound; counts
+are taken for noise in it. `--quick`: 50 runs of the three plants.
+
+Results go to a file, a line for every 25 runs. What it holds is not done again, unless the sources have
+changed; then `--only` does some again, and `--doc` takes the newest of each case.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from accuracy_plots import draw
 from accuracy_runs import BLOCK
 from accuracy_summary import Found, goals, methods, totals, varied
 
-DOC = Path(__file__).parents[1] / "docs" / "accuracy.md"
+DOCS = Path(__file__).parents[1] / "docs"
 QUICK = [Case(*plant) for plant in PLANTS]
 
 
@@ -44,7 +46,8 @@ def tasks(options: argparse.Namespace) -> list[tuple[Case, int]]:
 def work(options: argparse.Namespace, digest: str) -> None:
     """Do what the file does not hold yet."""
     done = accuracy_runs.read(options.file, digest)
-    left = [(case, block) for case, block in tasks(options) if block not in done.get(case.name, {})]
+    wanted = [(case, block) for case, block in tasks(options) if options.only in case.name]
+    left = [(case, block) for case, block in wanted if block not in done.get(case.name, {})]
     print(f"{len(left)} blocks of {BLOCK} runs to do; sources {digest}", file=sys.stderr)
     with ProcessPoolExecutor(options.processes) as pool, options.file.open("a") as file:
         if file.tell():
@@ -84,17 +87,19 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="50 runs of the design's three plants")
     parser.add_argument("--file", type=Path, default=Path("accuracy.jsonl"), help="what was done, kept")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--doc", action="store_true", help="write docs/accuracy.md's tables and plots")
+    parser.add_argument("--only", default="", help="cases whose names hold this, as `speed=1`")
+    parser.add_argument("--doc", action="store_true", help="write the tables and plots of docs/accuracy*.md")
     options = parser.parse_args()
     digest = accuracy_runs.sources()
     if not options.doc:
         work(options, digest)
-    kept = accuracy_runs.read(options.file, digest)
+    kept = accuracy_runs.read(options.file, None if options.doc else digest)
     found = {name: [x for block in blocks.values() for x in block] for name, blocks in kept.items()}
     parts = tables(found)
     if options.doc:
-        DOC.write_text(put(DOC.read_text(), parts))
-        draw(found, DOC.parent / "img")
+        for page in DOCS.glob("accuracy*.md"):
+            page.write_text(put(page.read_text(), parts))
+        draw(found, DOCS / "img")
     else:
         print("\n\n".join(f"{name}\n\n{part}" for name, part in parts.items()))
 

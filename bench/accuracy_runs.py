@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import baselines
 import numpy as np
@@ -117,21 +117,31 @@ def line(case: Case, block: int, digest: str) -> str:
     return json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
 
-def read(path: Path, digest: str) -> dict[str, dict[int, list[Heard]]]:
-    """What a file holds by case and block, but for lines of other sources and one cut short at the end."""
+def read(path: Path, digest: str | None) -> dict[str, dict[int, list[Heard]]]:
+    """What a file holds by case and block, but for a line cut short at the end.
+
+    Args:
+        path: There may be none yet.
+        digest: Of the sources whose results count; None: of each case those of its newest line.
+    """
+    lines = (
+        [kept for text in path.read_text().splitlines() if (kept := _parsed(text))] if path.exists() else []
+    )
+    newest = {kept["case"]: kept["digest"] for kept in lines}
     found: dict[str, dict[int, list[Heard]]] = {}
-    for text in path.read_text().splitlines() if path.exists() else []:
-        try:
-            kept = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        if kept["digest"] == digest:
-            blocks = found.setdefault(kept["case"], {})
-            blocks[kept["block"]] = [
-                Heard(limit, {name: Said(*each) for name, each in said.items()})
-                for limit, said in kept["heard"]
-            ]
+    for kept in lines:
+        if kept["digest"] == (digest or newest[kept["case"]]):
+            heard = [Heard(limit, {k: Said(*x) for k, x in said.items()}) for limit, said in kept["heard"]]
+            found.setdefault(kept["case"], {})[kept["block"]] = heard
     return found
+
+
+def _parsed(text: str) -> dict[str, Any] | None:
+    try:
+        kept: dict[str, Any] = json.loads(text)
+    except json.JSONDecodeError:
+        return None
+    return kept
 
 
 def sources() -> str:

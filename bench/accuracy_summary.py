@@ -64,7 +64,7 @@ def summary(heard: list[Heard], method: str) -> Summary | None:
     limits = np.array([limit for limit, _ in good]).reshape(-1, 2)
     first = [x.first for _, x in said if x.first]
     first_after = np.array([x.first_after for _, x in said if x.first_after is not None])
-    errors, stated = numbers[:, :, 0], np.maximum(numbers[:, :, 1], 1e-300)
+    errors, stated = numbers[:, :, 0], np.maximum(numbers[:, :, 1], 1e-12)
     with np.errstate(divide="ignore", invalid="ignore"):
         scaled = np.where(limits > 0.0, errors / limits, math.nan)
     return Summary(
@@ -116,6 +116,14 @@ def share(hits: int, count: int, interval: bool = True) -> str:
 def number(x: float, digits: int = 2) -> str:
     """With a dash for what is undefined."""
     return f"{x:.{digits}f}" if math.isfinite(x) else "-"
+
+
+def percent(x: float, sign: str = "") -> str:
+    """Two digits, no exponent."""
+    x *= 100.0
+    if abs(x) < 5e-4:
+        return "0"
+    return f"{x:{sign}.0f}" if abs(x) >= 10.0 else f"{x:{sign}.2g}"
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -196,6 +204,6 @@ def _cell(s: Summary | None, which: int) -> str:
     if s.good < 0.02 * s.runs:
         return f"`{worst}`"
     covered = f"{100 * s.covered[which] / max(s.good, 1):.0f} %"
-    text = f"{100 * s.bias[which]:+.2g} ± {100 * s.sd[which]:.2g}, {covered}"
+    text = f"{percent(s.bias[which], '+')} ± {percent(s.sd[which])}, {covered}"
     others = [word for word, _ in s.words.most_common() if word != "ok"]
     return text if s.good > 0.98 * s.runs else f"{text}; {100 * s.good / s.runs:.0f} % ok, else `{others[0]}`"

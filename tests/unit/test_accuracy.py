@@ -174,7 +174,7 @@ def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch):
                 yield json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
     monkeypatch.setattr(accuracy, "ProcessPoolExecutor", Pool)
-    options = Namespace(quick=True, file=tmp_path / "found.jsonl", processes=1)
+    options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", processes=1)
     accuracy.work(options, "abc")
     assert len(asked) == 6
     kept = options.file.read_text()
@@ -185,6 +185,12 @@ def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch):
     assert len(asked) == 13
     found = accuracy_runs.read(options.file, "abc")
     assert sorted(map(len, found.values())) == [2, 2, 2]
+    options.only = PLAIN[0].name
+    accuracy.work(options, "abc")
+    assert len(asked) == 13
+    accuracy.work(options, "newest")
+    assert len(asked) == 15
+    assert {len(blocks) for blocks in accuracy_runs.read(options.file, None).values()} == {2}
     assert found[PLAIN[0].name][1][0].said["wave"].quality == "ok"
 
 
