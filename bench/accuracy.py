@@ -4,8 +4,8 @@
 
 A sampled relay swings plants of zeta 0.1-1.5 and omega_n Ts 0.02-0.2, and the design's three plants with more
 noise, coarse sensors, jitter, delay, hysteresis, friction. Each run has a plant, start and noise of its own.
-All methods run in the first 50 runs of a case, `wave` alone in the others. Without noise there is no bound; counts
-are taken for noise in it. `--quick`: 50 runs of the three plants.
+All methods run in the first 50 runs of a case, `wave` alone in the others. Without noise there is no bound;
+counts are taken for noise in it. `--quick`: 50 runs of the three plants.
 
 Results go to a file, a line for every 25 runs. What it holds is not done again, unless the sources have
 changed; then `--only` does some again, and `--doc` takes the newest of each case.
