@@ -72,9 +72,8 @@ def run(plant: Dynamics, gain: float, drive: Drive, late: float, cycles: int) ->
         cycles: Of each phase.
     """
     step = max(drive.tick, 2.0 * math.pi / (STEPS * plant.omega_n))
-    a = np.zeros((4, 4))
-    a[:3] = [[0, 1, 0, 0], [0, 0, 1, 0], [0, -(plant.omega_n**2), -2.0 * plant.zeta * plant.omega_n, 0]]
-    a[2, 3] = gain * plant.omega_n**2
+    a = np.eye(4, k=1)
+    a[2, 1:] = -(plant.omega_n**2), -2.0 * plant.zeta * plant.omega_n, gain * plant.omega_n**2
     relay = Relay(drive.e_a, drive.hysteresis, [0.0] * (SETTLING + cycles) + [late] * cycles + [0.0] * cycles)
     cycle = LONGEST * (1.0 + 3.0 * plant.zeta) * 2.0 * math.pi / plant.omega_n
     most = int(len(relay.lateness) * cycle / step)

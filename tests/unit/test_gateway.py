@@ -96,6 +96,7 @@ async def test_samples_follow_the_rows_in_order_and_none_is_missing():
         "K_L": 17.0,
         "state": "idle",
         "fresh": True,
+        "phase": 1,
     }
     assert samples[300]["y"] is None
     assert not samples[300]["fresh"]
