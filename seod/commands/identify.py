@@ -19,6 +19,10 @@ def identify(
         Path | None, typer.Option(metavar="CONFIG", help="Rig file, whose values are shown beside.")
     ] = None,
     axis: Annotated[str | None, typer.Option(help="Of recordings and rig files with several.")] = None,
+    method: Annotated[
+        Literal["output_error", "wave", "exact", "peaks"],
+        typer.Option(help="Simulated output to the whole, or a live estimator on a relay's recording."),
+    ] = "output_error",
     gain: Annotated[
         float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
     ] = None,
@@ -52,7 +56,7 @@ def identify(
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
-        wishes = Wishes(gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
+        wishes = Wishes(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
         try:
             show(run(paths, rig, wishes))
         except (ReadError, IdentifyError, OSError) as error:

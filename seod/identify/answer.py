@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from seod.estimate.advice import INTERVAL, Advice, advise, as_json
 from seod.estimate.base import finite_or_none
@@ -13,7 +15,7 @@ from seod.identify.fit import Fit, fit
 from seod.identify.problem import NAMES, ZETA_RANGE, Given
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from seod.identify.record import Record
 
@@ -57,6 +59,7 @@ class Result:
         assumed: Names of values that were not told and are taken to be zero.
         advice: For the position controller; None where the answer is not `ok`.
         method: What found it.
+        answers: Of a live estimator: how many by quality.
     """
 
     fit: Fit | None
@@ -67,6 +70,7 @@ class Result:
     assumed: tuple[str, ...] = ()
     advice: Advice | None = None
     method: str = "output_error"
+    answers: Mapping[str, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """Values with standard deviations, quality word, nrmse and what else there is; undefined is None."""
@@ -76,6 +80,7 @@ class Result:
             "method": self.method,
             "nrmse": None if self.fit is None else finite_or_none(self.fit.nrmse),
             "correlation": {} if self.fit is None else correlations(self.fit),
+            "answers": dict(self.answers),
             "rejected": 0 if self.fit is None else self.fit.rejected,
             "cannot_tell": list(self.cannot_tell),
             "assumed": list(self.assumed),
@@ -106,8 +111,12 @@ def identify(records: Sequence[Record], K_L: float | None = None, delay: float |
         K_L: Gain [unit/s/V] if it is known; None: free.
         delay: Beyond the recordings' own times [s] if it is known; None: free.
     """
-    best = fit(records, Given(K_L, delay))
-    others = _alternatives(records, K_L, delay, best) if _is_open(best) else []
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            best = fit(records, Given(K_L, delay))
+            others = _alternatives(records, K_L, delay, best) if _is_open(best) else []
+    except (np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
+        return Result(None, "fault", f"the search came to no number: {error}")
     simplest = next((each.fit for each in others if each.what == WITHOUT_DELAY), None)
     told = best if simplest is None else simplest
     cannot_tell = [_told(each, best) for each in others] or [*_unsure(best), *_tied(best)]

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from seod.data import read
+from seod.gain import gain_range, is_identified
 from seod.identify.answer import Result, identify
-from seod.identify.record import Record, UntoldError
+from seod.identify.live import Beforehand, answers, summary
+from seod.identify.record import IdentifyError, Record, UntoldError
+from seod.identify.relay_rows import relay_rows
 from seod.identify.show import as_text, plot
 
 if TYPE_CHECKING:
@@ -16,13 +20,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.config.model import AxisConfig, RigConfig
+    from seod.data import Recording
     from seod.identify.drive import Hold
     from seod.identify.record import Output
+
+
+Method = Literal["output_error", "wave", "exact", "peaks"]
 
 
 class Wishes(NamedTuple):
     """Options of the command; None: as the rig file says, else the first."""
 
+    method: Method
     gain: float | None
     delay: float | None
     output: Output | None
@@ -43,16 +52,10 @@ def run(paths: Sequence[Path], config: RigConfig | None, wishes: Wishes) -> str:
         IdentifyError: A recording cannot be used.
     """
     section = None if config is None else config.axes[wishes.axis or next(iter(config.axes))]
-    output = wishes.output or ("position" if section is None else section.mode)
-    records, told = [], []
-    for path in paths:
-        try:
-            records.append(_record(path, output, wishes))
-        except UntoldError as error:
-            told.append(error)
-    result = _result(records, told, wishes)
+    files, told = _files(paths, wishes, section)
+    result = _result(files, told, wishes, section)
     if wishes.plot is not None:
-        plot(records, result, wishes.plot)
+        plot([file.record for file in files], result, wishes.plot)
     truth = {} if section is None else _configured(section)
     if wishes.as_json:
         answer: dict[str, Any] = result.as_json()
@@ -60,18 +63,90 @@ def run(paths: Sequence[Path], config: RigConfig | None, wishes: Wishes) -> str:
     return as_text(result, [str(path) for path in paths], truth)
 
 
-def _record(path: Path, output: Output, wishes: Wishes) -> Record:
-    data = read(path, columns=wishes.columns, units=wishes.units, axis=wishes.axis)
-    return Record(path, data.t, data.u, data.y, data.t_u, output, wishes.offset, wishes.hold)
+class _File(NamedTuple):
+    path: Path
+    data: Recording
+    record: Record
 
 
-def _result(records: Sequence[Record], told: Sequence[UntoldError], wishes: Wishes) -> Result:
+def _files(
+    paths: Sequence[Path], wishes: Wishes, section: AxisConfig | None
+) -> tuple[list[_File], list[UntoldError]]:
+    """Recordings that tell something, and why others do not."""
+    output = wishes.output or ("position" if section is None else section.mode)
+    files, told = [], []
+    for path in paths:
+        data = read(path, columns=wishes.columns, units=wishes.units, axis=wishes.axis)
+        try:
+            record = Record(path, data.t, data.u, data.y, data.t_u, output, wishes.offset, wishes.hold)
+        except UntoldError as error:
+            told.append(error)
+        else:
+            files.append(_File(path, data, record))
+    return files, told
+
+
+def _result(
+    files: Sequence[_File], told: Sequence[UntoldError], wishes: Wishes, section: AxisConfig | None
+) -> Result:
     """Of the recordings that tell something; those left out are named."""
     left_out = tuple(str(error) for error in told)
-    if not records:
-        return Result(None, told[0].quality, "; ".join(left_out))
-    result = identify(records, wishes.gain, wishes.delay)
+    if not files:
+        return Result(None, told[0].quality, "; ".join(left_out), method=wishes.method)
+    records = [file.record for file in files]
+    if wishes.method == "output_error":
+        result = identify(records, wishes.gain, wishes.delay)
+    else:
+        result = _as_live(files, wishes, section)
     return replace(result, cannot_tell=(*left_out, *result.cannot_tell))
+
+
+def _as_live(files: Sequence[_File], wishes: Wishes, section: AxisConfig | None) -> Result:
+    """By the daemon's estimators, one after the other."""
+    records, method = [file.record for file in files], wishes.method
+    known = _beforehand(records, wishes, section)
+    told = []
+    for file in files:
+        rows = relay_rows(file.path, file.data, wishes.axis, file.record.output)
+        told += answers(rows, file.record, method, known)
+    return summary(records, told, method, known)
+
+
+def _beforehand(records: Sequence[Record], wishes: Wishes, section: AxisConfig | None) -> Beforehand:
+    """What the options say, else the rig file; where neither, `wave` begins with a fit of the whole."""
+    known = Beforehand(math.nan, math.inf, 0.0, math.inf)
+    if section is not None:
+        known = _of_rig_file(section)
+    if wishes.delay is not None:
+        known = known._replace(delay=wishes.delay, delay_sd=0.0)
+    if wishes.gain is not None:
+        return known._replace(K_L=wishes.gain, K_L_sd=0.0)
+    if math.isfinite(known.K_L):
+        return known
+    if wishes.method != "wave":
+        raise IdentifyError(f"{wishes.method} needs K_L: give it by --gain or by a rig file (--config)")
+    first = identify(records, None, wishes.delay).fit
+    if first is None:
+        return known._replace(K_L=1.0)
+    return known._replace(K_L=abs(first.value["K_L"]), delay=max(first.value["delay"], 0.0))
+
+
+def _of_rig_file(section: AxisConfig) -> Beforehand:
+    estimator = section.estimator
+    free = is_identified(section.K_L)
+    return Beforehand(
+        K_L=math.nan if free else sum(gain_range(section.K_L)) / 2.0,
+        K_L_sd=math.inf if free else _deviation(estimator.K_L_sd),
+        delay=estimator.delay,
+        delay_sd=_deviation(estimator.delay_sd),
+        hysteresis=section.relay.hysteresis,
+        cycles=estimator.cycles,
+    )
+
+
+def _deviation(told: float | str | None) -> float:
+    """Of a value in the rig file: certain where it tells none, inf where it calls it unknown."""
+    return math.inf if isinstance(told, str) else told or 0.0
 
 
 def _configured(section: AxisConfig) -> dict[str, float]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Hold = Literal["zero", "first"]
 """A voltage that holds until the next, or one that runs straight on to it."""
-_DOUBLE_POLE: Final = 1e-9
+_DOUBLE_POLE: Final = 1e-12
 """|1 - zeta^2| below which the two poles are held apart."""
 _FADED: Final = 1e-18
 

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from seod.estimate.noise import outliers
 from seod.identify.problem import NAMES, Given, Problem, plant_of
-from seod.identify.spread import WHITE, covariance
+from seod.identify.spread import WHITE, correlation_time, covariance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _ROUGH: Final = 10_000
 """Samples of each recording with which the search begins: all of them have the last word only."""
+_MOST_STEPS: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,6 @@ class Fit:
         noise: Effective value of each recording's residual.
         residual: Of each recording.
         white: Each residual's neighbours are independent: what is left looks like noise.
-        cost: Sum of squares in the noise's measure.
         rejected: Samples left out as outliers.
     """
 
@@ -45,7 +45,6 @@ class Fit:
     noise: tuple[float, ...]
     residual: tuple[Array, ...]
     white: bool
-    cost: float
     rejected: int
 
     @property
@@ -82,9 +81,15 @@ def fit(records: Sequence[Record], given: Given, start: Dynamics | None = None) 
 def _search(problem: Problem, theta: Array) -> Any:
     low, high = problem.bounds()
     inside = np.clip(theta, np.nextafter(low, high), np.nextafter(high, low))
-    bounds = (low, high)
     return least_squares(
-        problem.residual, inside, jac=problem.slopes, bounds=bounds, x_scale="jac", xtol=1e-9, ftol=1e-12
+        problem.residual,
+        inside,
+        jac=problem.slopes,
+        bounds=(low, high),
+        x_scale="jac",
+        xtol=1e-9,
+        ftol=1e-12,
+        max_nfev=_MOST_STEPS,
     )
 
 
@@ -105,17 +110,30 @@ def _reweigh(problem: Problem, residual: Array) -> bool:
 
 def _judged(problem: Problem, answer: Any) -> Fit:
     value = problem.values(answer.x)
-    own = []
-    for record in problem.records:
-        response, y = record.freed(plant_of(value))
-        own.append(y - value["K_L"] * response)
-    kept = [left[keep] for left, keep in zip(own, problem.kept, strict=True)]
-    motion = [record.y[keep] for record, keep in zip(problem.records, problem.kept, strict=True)]
     correlated, times = covariance(problem, answer)
     scale = np.array([value[name] if name in {"omega_n", "zeta"} else 1.0 for name in problem.free])
     table = np.zeros((4, 4))
     places = [NAMES.index(name) for name in problem.free]
     table[np.ix_(places, places)] = correlated * np.outer(scale, scale)
+    return _left_by(problem, value, table, times)
+
+
+def at(records: Sequence[Record], value: dict[str, float], table: Array) -> Fit:
+    """What a plant that was found elsewhere, with its covariance, leaves of the recordings."""
+    problem = Problem(records, Given())
+    own = _residuals(problem, value)
+    return _left_by(problem, value, table, [correlation_time(left) for left in own])
+
+
+def _residuals(problem: Problem, value: dict[str, float]) -> list[Array]:
+    pairs = [record.freed(plant_of(value)) for record in problem.records]
+    return [y - value["K_L"] * response for response, y in pairs]
+
+
+def _left_by(problem: Problem, value: dict[str, float], table: Array, times: Sequence[float]) -> Fit:
+    own = _residuals(problem, value)
+    kept = [left[keep] for left, keep in zip(own, problem.kept, strict=True)]
+    motion = [record.y[keep] for record, keep in zip(problem.records, problem.kept, strict=True)]
     left = sum(float(e @ e) for e in kept)
     return Fit(
         value=value,
@@ -124,6 +142,5 @@ def _judged(problem: Problem, answer: Any) -> Fit:
         noise=tuple(math.sqrt(float(e @ e) / len(e)) for e in kept),
         residual=tuple(own),
         white=max(times) < WHITE,
-        cost=2.0 * float(answer.cost),
         rejected=sum(int(np.count_nonzero(~keep)) for keep in problem.kept),
     )

@@ -15,6 +15,8 @@ from seod.identify.drive import Drive
 if TYPE_CHECKING:
     from typing import Self
 
+    from numpy.typing import NDArray
+
     from seod.estimate.limit_cycle import Array
     from seod.estimate.plant_response import Dynamics
     from seod.identify.drive import Hold
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 Output = Literal["position", "velocity"]
 FEWEST: Final = 30
 """Samples of a recording."""
+_LARGEST: Final = 1e12
+"""Numbers beyond this are no measurements (and their squares would overflow)."""
 _CLIPPED: Final = 0.01
 """Part of the samples that may stand at an end of the sensor's range."""
 
@@ -72,13 +76,13 @@ class Record:
         hold: Hold = "zero",
     ) -> None:
         self.name, self.output, self.offset = str(name), output, offset
-        applied = np.isfinite(u) & np.isfinite(t if t_u is None else t_u)
+        applied = _measured(u) & _measured(t if t_u is None else t_u)
         if not applied.any():
             raise IdentifyError(f"{self.name}: has no command u: name its column by --columns u=...")
         began, volts = (t if t_u is None else t_u)[applied], u[applied]
-        present = np.isfinite(y) & np.isfinite(t) & (t >= began[0])
+        present = _measured(y) & _measured(t) & (t >= began[0])
         self.t, self.y = t[present], y[present]
-        self._check(np.isfinite(y).any(), began, volts)
+        self._check(_measured(y).any(), began, volts)
         self.tick = float(np.median(np.diff(self.t)))
         self.since = self.t - self.t[0]
         self.span = float(self.since[-1])
@@ -87,14 +91,13 @@ class Record:
     def _check(self, measured: np.bool_, began: Array, volts: Array) -> None:
         if not measured:
             raise UntoldError("stale", f"{self.name}: has no sample of y that is a number")
+        for what, times in (("t_u", began), ("t", self.t)):
+            if np.any(np.diff(times) <= 0.0):
+                message = f"{self.name}: times {what} do not rise; sort the rows, drop repeated ones"
+                raise IdentifyError(message)
         if len(self.t) < FEWEST:
             message = f"{self.name}: has {len(self.t)} samples with a command, fewer than {FEWEST}"
             raise UntoldError("settling", message)
-        for what, times in (("t", self.t), ("t_u", began)):
-            if np.any(np.diff(times) <= 0.0):
-                raise IdentifyError(
-                    f"{self.name}: times {what} do not rise; sort the rows, drop repeated ones"
-                )
         for what, values in (("command u", volts), ("signal y", self.y)):
             if np.ptp(values) == 0.0:
                 message = f"{self.name}: the {what} never changes: it tells nothing of the plant"
@@ -134,3 +137,7 @@ class Record:
         basis = self.nuisance(plant)
         response = self.unit_response(plant)
         return response - basis @ (basis.T @ response), self.y - basis @ (basis.T @ self.y)
+
+
+def _measured(x: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(x) < _LARGEST)

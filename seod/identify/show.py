@@ -13,7 +13,7 @@ from rich.table import Table
 from seod.estimate.advice import INTERVAL
 from seod.identify.problem import NAMES
 from seod.identify.record import IdentifyError
-from seod.text import number
+from seod.text import number, with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,8 +37,11 @@ def as_text(result: Result, names: Sequence[str], configured: Mapping[str, float
     noise = ", ".join(number(each, 3) for each in fit.noise)
     head = f"{files}: {result.quality}, error {100 * fit.nrmse:.2f} % (residual {noise})"
     outliers = [f"{fit.rejected} samples left out as outliers"] if fit.rejected else []
+    live = [", ".join(f"{count} answers {word}" for word, count in result.answers.items())]
     said = [f"! {sentence}" for sentence in result.cannot_tell]
-    return "\n".join([head, *why, _table(result, fit, configured), *outliers, *said, *_advice(result)])
+    return "\n".join(
+        [head, *why, _table(result, fit, configured), *outliers, *filter(None, live), *said, *_advice(result)]
+    )
 
 
 def _table(result: Result, fit: Fit, configured: Mapping[str, float]) -> str:
@@ -48,11 +51,10 @@ def _table(result: Result, fit: Fit, configured: Mapping[str, float]) -> str:
     for name in NAMES:
         factor, unit = _SHOWN[name]
         wide = INTERVAL * fit.sd[name] * factor
-        interval = f"+- {number(wide, 2)}" if wide > 0.0 else "given"
-        if name in result.assumed:
-            interval = "assumed"
+        value, _, interval = with_sd(fit.value[name] * factor, wide).partition(" ± ")
+        interval = f"± {interval}" if interval else "assumed" if name in result.assumed else "given"
         known = [number(configured[name] * factor)] if name in configured else []
-        table.add_row(name, number(fit.value[name] * factor, 5), interval, unit, *known)
+        table.add_row(name, value, interval, unit, *known)
     page = io.StringIO()
     Console(file=page, width=100).print(table)
     return page.getvalue().strip("\n")

@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scipy.signal import cont2discrete
+from scipy.signal import cont2discrete, lsim, lti
 from typer.testing import CliRunner
 
 from seod.cli import app
-from seod.identify import IdentifyError, Record, identify
+from seod.identify import IdentifyError, Record, UntoldError, identify
+from seod.identify.fit import at
 
 OMEGA_N, ZETA, K_L, DELAY = 60.0, 0.4, 12.0, 0.003
+HOLDS = ("zero", "first")
 CHIRP = Path(__file__).parents[2] / "../shared/data/servohydraulic_chirp.csv.gz"
 
 
@@ -87,17 +89,72 @@ def test_a_given_gain_stays_and_has_no_deviation():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "word", "says"),
     [
-        (lambda t, u, y: (t, u * 0.0, y), "command u never changes"),
-        (lambda t, u, y: (t, u, y * 0.0), "signal y never changes"),
-        (lambda t, u, y: (t, u, y * np.nan), "has no sample of y"),
-        (lambda t, u, y: (t, u * np.nan, y), "has no command u"),
+        (lambda t, u, y: (t, u * 0.0, y), "no_oscillation", "command u never changes"),
+        (lambda t, u, y: (t, u, y * 0.0), "no_oscillation", "signal y never changes"),
+        (lambda t, u, y: (t, u, y * np.nan), "stale", "no sample of y"),
+        (lambda t, u, y: (t[:3], u[:3], y[:3]), "settling", "has 3 samples"),
     ],
 )
-def test_a_recording_that_tells_nothing_is_refused_by_name(change, says):
+def test_a_recording_that_tells_nothing_gets_a_word_and_a_reason(change, word, says):
+    with pytest.raises(UntoldError, match=f"^x.csv: .*{says}") as told:
+        Record("x.csv", *change(*simulated(1, 0.0, n=300)))
+    assert told.value.quality == word
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t, u, y: (t, u * np.nan, y), "has no command u"),
+        (lambda t, u, y: (t[::-1], u, y), "times t.* do not rise"),
+        (lambda t, u, y: (np.repeat(t[::2], 2), u, y), "times t.* do not rise"),
+    ],
+)
+def test_a_recording_that_cannot_be_used_is_refused_by_name(change, says):
     with pytest.raises(IdentifyError, match=f"^x.csv: .*{says}"):
         Record("x.csv", *change(*simulated(1, 0.0, n=300)))
+
+
+def test_an_offset_of_the_speed_is_taken_out_or_counts_as_error():
+    t, u, y = simulated(6, 0.01, "velocity", n=600)
+    shifted = y + 0.5 * np.std(y)
+    free = identify([Record("x", t, u, shifted, output="velocity")])
+    assert free.fit.nrmse == pytest.approx(0.01, rel=0.15)
+    held = identify([Record("x", t, u, shifted, output="velocity", offset=False)])
+    assert held.fit.nrmse > 0.3  # the mean of the error counts as well
+
+
+def test_a_wrong_sign_is_told_by_a_negative_gain():
+    t, u, y = simulated(7, 0.01, n=600)
+    found = identify([Record("x", t, -u, y)])
+    assert found.fit.value["K_L"] == pytest.approx(-K_L, rel=0.02)
+    assert found.fit.value["zeta"] == pytest.approx(ZETA, abs=4.0 * found.fit.sd["zeta"])
+
+
+def test_a_clipped_sensor_is_called_saturated():
+    t, u, y = simulated(8, 0.0, "velocity", n=600)
+    top = 0.6 * np.max(np.abs(y))
+    found = identify([Record("x", t, u, np.clip(y, -top, top), output="velocity")])
+    assert found.quality == "saturated"
+    assert found.advice is None
+
+
+def test_a_voltage_that_runs_on_between_samples_needs_the_hold_of_first_order():
+    n, tick = 3000, 0.004
+    t = np.arange(n) * tick
+    u = sum(np.sin(2.0 * np.pi * f * t + f * f) for f in (0.7, 1.9, 4.3, 9.1, 15.7))
+    system = lti([K_L * OMEGA_N**2], [1.0, 2.0 * ZETA * OMEGA_N, OMEGA_N**2])
+    y = lsim(system, u, t, interp=True)[1]
+    found = {
+        hold: identify([Record("x", t, u, y, output="velocity", hold=hold)], delay=0.0) for hold in HOLDS
+    }
+    assert found["first"].fit.value["omega_n"] == pytest.approx(OMEGA_N, rel=1e-6)
+    assert found["first"].fit.value["zeta"] == pytest.approx(ZETA, rel=1e-6)
+    # held, the voltage comes half a tick late
+    late = identify([Record("x", t, u, y, output="velocity")]).fit.value["delay"]
+    assert late == pytest.approx(-0.5 * tick, rel=0.02)
+    assert abs(found["zero"].fit.value["zeta"] / ZETA - 1.0) > 0.02
 
 
 def test_noise_alone_gets_a_word_and_no_advice():
@@ -137,13 +194,33 @@ def test_a_missing_file_is_told(tmp_path):
     assert "none.csv" in done.output
 
 
-@pytest.mark.skipif(not CHIRP.exists(), reason="the measured chirp is not there")
-def test_the_measured_chirp_says_what_it_cannot_tell():
+@pytest.fixture(scope="module")
+def chirp():
+    """Times, command, and every fifth sample: enough, and quicker."""
+    if not CHIRP.exists():
+        pytest.skip("the measured chirp is not there")
     with gzip.open(CHIRP, "rt") as file:
-        rows = np.loadtxt(file, delimiter=",", skiprows=1)
-    found = identify([Record("chirp", rows[:, 0], rows[:, 1], rows[:, 2], output="velocity")])
+        t, u, y = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
+    y[np.arange(len(y)) % 5 > 0] = np.nan
+    return t, u, y
+
+
+def test_the_measured_chirp_says_what_it_cannot_tell(chirp):
+    found = identify([Record("chirp", *chirp, output="velocity")])
     assert found.quality == "noisy"
     assert {each.what for each in found.alternatives} == {"with delay", "as a first-order lag"}
     assert found.assumed == ("delay",)
     assert found.fit.value["zeta"] < 2.0 < found.alternatives[0].fit.value["zeta"]
     assert found.advice is None
+    assert found.as_json()["delay"] == {"value": 0.0, "sd": None}
+
+
+def test_the_measured_chirp_without_delay_gives_the_published_plant(chirp):
+    """omega_n 94.50 rad/s, zeta 1.230, gain 1.013, error 5.0 %: u runs straight on between samples."""
+    record = Record("chirp", *chirp, output="velocity", hold="first")
+    found = identify([record], delay=0.0).fit
+    assert found.value["omega_n"] == pytest.approx(94.5, rel=0.03)
+    assert found.value["zeta"] == pytest.approx(1.23, rel=0.01)
+    assert found.nrmse == pytest.approx(0.0476, abs=3e-4)
+    published = {"omega_n": 94.5, "zeta": 1.23, "delay": 0.0, "K_L": 1.013}
+    assert at([record], published, np.zeros((4, 4))).nrmse == pytest.approx(0.0500, abs=3e-4)
