@@ -85,10 +85,9 @@ class Run:
 
     def rows(self) -> list[Row]:
         """As the daemon would feed them."""
-        columns = zip(
-            self.stamped.tolist(), self.seen.tolist(), self.u.tolist(), self.t_u.tolist(), strict=True
-        )
-        return [Row(*each, 0.0, E_A, self.bias, exciting=True) for each in columns]
+        columns = (self.stamped, self.seen, self.u, self.t_u, self.y)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return [Row(*each, 0.0, E_A, self.bias, exciting=True, speed=speed) for *each, speed in rows]
 
     def settings(self, method: str) -> EstimatorSettings:
         """What a user would tell the estimators."""
@@ -97,7 +96,7 @@ class Run:
             method, K_L, self.hysteresis, known_delay(self.case), TICK, CYCLES, None,
             K_L_sd=GAIN_KNOWN * K_L if free == "K_L" else 0.0,
             delay_sd=DELAY_KNOWN * TICK if free == "delay" else 0.0,
-            resolution=0.0 if self.case.speed else self.step,
+            resolution=self.step,
             integrated=self.case.speed,
         )  # fmt: skip
 

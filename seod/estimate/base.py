@@ -38,6 +38,8 @@ class Row(NamedTuple):
     """The sample lies where its sensor clips."""
     second: bool = False
     """The relay is in the second phase of two: its switches come late on purpose."""
+    speed: float = math.nan
+    """Where speed is measured, and `y` stands for its integral: that speed [axis unit/s]."""
 
 
 QUALITIES = (
@@ -108,8 +110,8 @@ class EstimatorSettings:
         lag_s: Time constant of the sensor's first-order lag [s]; `exact` and `wave` take it back.
         K_L_sd: How well K_L is known [axis unit/s/V]: 0 is certain, inf is not at all.
         delay_sd: Likewise the delay [s].
-        resolution: Step of the sensor [axis unit]; 0: fine.
-        integrated: The position is the integral of a measured speed, and so is its noise.
+        resolution: Step of the sensor [axis unit, or axis unit/s]; 0: fine.
+        integrated: `Row.y` is the integral of a measured speed, `Row.speed`, to which `wave` looks.
     """
 
     method: str

@@ -108,7 +108,7 @@ class Axis:
             lag_s=self.lag_s,
             K_L_sd=math.inf if free else self._known_to(estimator.K_L_sd, "K_L"),
             delay_sd=math.inf if two_phase else self._known_to(estimator.delay_sd, "delay"),
-            resolution=0.0 if self._velocity else self.resolution,
+            resolution=self.resolution,
             integrated=self._velocity,
         )
 
@@ -163,11 +163,12 @@ class Axis:
     def _row(self, values: RowTuple) -> Row:
         """The row as estimators know it: in velocity mode the relay's input stands for the position."""
         t, y, reference, u, t_u, e_a, bias, signal, _, _, K_L, _, flags = values
+        speed = math.nan
         if self._velocity:
-            y, reference = -signal, 0.0
+            speed, y, reference = y, -signal, 0.0
         exciting, fresh = bool(flags & FLAG_EXCITING), bool(flags & FLAG_FRESH)
         saturated, second = bool(flags & FLAG_SATURATED), bool(flags & FLAG_SECOND_PHASE)
-        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated, second)
+        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated, second, speed)
 
     def _with_conditions(self, answer: Estimate, values: RowTuple) -> Estimate:
         """The answer with what the loop measured beside it; in velocity mode with the speed itself."""

@@ -38,7 +38,7 @@ def relay_rows(path: Path, data: Recording, axis: str | None, output: Output) ->
     told = _told(path, data, axis)
     t_u = data.t if data.t_u is None else data.t_u
     relay = _of_the_relay(path, data, told, output)
-    signal = {"y": data.y} if output == "position" else {"y": _integral(data, told)}
+    signal = {"y": data.y} if output == "position" else {"y": _integral(data, told), "speed": data.y}
     columns = {"t": data.t, "u": data.u, "t_u": np.where(np.isnan(t_u), data.t, t_u)} | signal | relay
     return list(_rows(columns))
 
