@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from seod.estimate.plant_response import Dynamics
 
-SHIFTS: Final = (0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+SHIFTS: Final = (0.03, 0.045, 0.06, 0.08, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Latenesses that are looked at, in periods of the first phase."""
 SD: Final = 2.0
 """So many standard deviations off the plant may be, for the limits."""
@@ -108,7 +108,7 @@ def choose(seen: Seen, drive: Drive, limits: Reach, cycles: int, longest: float)
         reach = _farthest(alone, both, seen.swing)
         why = _beyond(reach, limits)
         if not why:
-            bound = _bound(both[0], seen, drive) / alone[0].swing
+            bound = _bound(both[0], seen, drive) * alone[0].swing
             return Choice(shift, late, alone[0].period, reach, bound)
     return why
 

@@ -56,7 +56,7 @@ class TwoPhaseRelay(Relay):
         self.wanted = 1.0
         self.due = self.began = -math.inf
         self.late = 0.0
-        self.count = 1
+        self.count = 0
 
     @property
     def second(self) -> bool:
@@ -66,7 +66,7 @@ class TwoPhaseRelay(Relay):
     @property
     def turning(self) -> bool:
         """Whether the cycle that has just ended was one between the phases: its halves differ."""
-        return self.count == 0
+        return self.phase is not None and self.count == 0
 
     def take(self, phase: SecondPhase | None) -> None:
         """Have another second phase from the next cycle on, or none from now on."""
@@ -94,7 +94,7 @@ class TwoPhaseRelay(Relay):
             return
         self.began = t
         self.count += 1
-        if self.count > phase.cycles:
+        if self.count >= phase.cycles:
             self.count, self.late = 0, 0.0 if self.second else phase.late
 
 
