@@ -23,7 +23,7 @@ BLOCK = 25
 DAEMON = ("wave", "exact", "peaks")
 USERS = ("EKF", "RLS")
 METHODS = (*DAEMON, *USERS)
-COMPARED = 2
+COMPARED = 1
 """Blocks of a case in which all methods run; in the others only `wave`, whose intervals want many runs."""
 
 Numbers = list[float]
