@@ -23,7 +23,7 @@ FLOOR: Final = 1e-5
 CHANGED: Final = 18.0
 """Chi-square of two degrees above which the plant has changed within the window: once in 8000 of noise."""
 DRIFTS: Final = 6.0
-"""The same, above which it may have: once in ten of noise. Then a fit of both parts is less sure than it says."""
+"""The same, above which it may have, once in ten of noise: a fit of both parts is less sure than it says."""
 SUSPECT: Final = 0.01
 """Chance below which what repeats is believed, and widens the standard deviations."""
 SURE: Final = 1e-4
