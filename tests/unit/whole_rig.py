@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 from seod.estimate import make_estimator
 from seod.gateway.rig import Rig
 from seod.ring import Shared
-from tests.unit.loop_bench import RIG, Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from tests.unit.loop_bench import Bench
 
 POLL_S = 5e-3
 
@@ -20,10 +22,11 @@ class Listener:
     """Takes the place of the hub: keeps what is published."""
 
     def __init__(self) -> None:
-        self.messages: list[tuple[str, dict[str, Any]]] = []
+        self.messages: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+        """By topic."""
 
     def publish(self, topic: str, _axis: str | None, _t: float, make: Callable[[], dict[str, Any]]) -> None:
-        self.messages.append((topic, make()))
+        self.messages[topic].append(make())
 
     def wanted(self, topic: str, _axis: str) -> bool:
         return topic == "sample"
@@ -35,8 +38,8 @@ class Listener:
 class WholeRig:
     """A loop bench, and a gateway that takes its rows and events every few ticks."""
 
-    def __init__(self, changes: dict[str, Any] | None = None, rig: dict[str, Any] = RIG) -> None:
-        self.bench = Bench(changes, rig)
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
         ours = self.bench.shared
         self.shared = Shared(ours.axes, ours.rows, os.dup(ours.fd))
         self.hub = Listener()
@@ -60,11 +63,13 @@ class WholeRig:
 
     def told(self, topic: str, **fields: Any) -> list[dict[str, Any]]:
         """Messages of a topic that have these fields."""
-        return [
-            params
-            for name, params in self.hub.messages
-            if name == topic and all(params.get(key) == value for key, value in fields.items())
-        ]
+        messages = self.hub.messages[topic]
+        return [each for each in messages if all(each.get(key) == value for key, value in fields.items())]
+
+    def newest(self, topic: str) -> dict[str, Any]:
+        """The last message of a topic; empty before there is one."""
+        messages = self.hub.messages[topic]
+        return messages[-1] if messages else {}
 
     def close(self) -> None:
         self.gateway.close()
