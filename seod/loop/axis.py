@@ -84,7 +84,7 @@ class Axis:
         """The guard's verdict on the newest sample, while the axis may move."""
         course = self.course
         relay = course.relay is not None
-        at_amplitude = t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
+        at_amplitude = relay and t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
         swing = self.mode.swing if relay or isinstance(course.controller, Tones) else None
         trip = self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
         if trip is None:

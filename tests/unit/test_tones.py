@@ -127,3 +127,10 @@ def test_a_speed_axis_is_driven_about_its_reference() -> None:
     assert np.ptp(speed) > 5.0
     assert state is AxisState.IDLE
     assert abs(left) < 3.0
+
+
+def test_tones_that_beat_are_no_growing_oscillation(bench: Bench) -> None:
+    beat = [[4.0, 0.1, 0.0], [4.2, 0.095, math.pi]]
+    assert bench.call("drive", 0, volts=0.2, duration=9.0, tones=beat) is None
+    bench.run(8.0)
+    assert bench.state is AxisState.EXCITING, bench.take("fault")
