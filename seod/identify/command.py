@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from seod.data import read
-from seod.gain import gain_range, is_identified
+from seod.gain import gain_of, gain_range, is_identified, needs_pressure
 from seod.identify.answer import Result, identify
 from seod.identify.live import Beforehand, answers, summary
 from seod.identify.record import IdentifyError, Record, UntoldError
@@ -16,7 +16,7 @@ from seod.identify.relay_rows import relay_rows
 from seod.identify.show import as_text, plot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from seod.config.model import AxisConfig, RigConfig
@@ -104,39 +104,59 @@ def _result(
 def _as_live(files: Sequence[_File], wishes: Wishes, section: AxisConfig | None) -> Result:
     """By the daemon's estimators, one after the other."""
     records, method = [file.record for file in files], wishes.method
-    known = _beforehand(records, wishes, section)
+    gain = _gain(files, wishes, section)
+    known = _beforehand(records, wishes, section, gain is not None)
     told = []
     for file in files:
-        rows = relay_rows(file.path, file.data, wishes.axis, file.record.output)
+        rows = relay_rows(file.path, file.data, wishes.axis, file.record.output, gain or _unknown)
         told += answers(rows, file.record, method, known)
     return summary(records, told, method, known)
 
 
-def _beforehand(records: Sequence[Record], wishes: Wishes, section: AxisConfig | None) -> Beforehand:
+def _unknown(_ps: float) -> float:
+    return math.nan
+
+
+def _gain(
+    files: Sequence[_File], wishes: Wishes, section: AxisConfig | None
+) -> Callable[[float], float] | None:
+    """K_L by the supply pressure, of the options, else of the rig file; None where neither tells it."""
+    if (given := wishes.gain) is not None:
+        return lambda _ps: given
+    if section is None or is_identified(section.K_L):
+        return None
+    if needs_pressure(section.K_L) and any(file.data.ps is None for file in files):
+        return None
+    return gain_of(section.K_L)
+
+
+def _beforehand(
+    records: Sequence[Record], wishes: Wishes, section: AxisConfig | None, has_gain: bool
+) -> Beforehand:
     """What the options say, else the rig file; where neither, `wave` begins with a fit of the whole."""
-    known = Beforehand(math.nan, math.inf, 0.0, math.inf)
-    if section is not None:
-        known = _of_rig_file(section)
+    known = Beforehand(1.0, math.inf, 0.0, math.inf) if section is None else _of_rig_file(section)
     if wishes.delay is not None:
         known = known._replace(delay=wishes.delay, delay_sd=0.0)
-    if wishes.gain is not None:
-        return known._replace(K_L=wishes.gain, K_L_sd=0.0)
-    if math.isfinite(known.K_L):
-        return known
+    if has_gain:
+        return known if wishes.gain is None else known._replace(K_L=wishes.gain, K_L_sd=0.0)
     if wishes.method != "wave":
-        raise IdentifyError(f"{wishes.method} needs K_L: give it by --gain or by a rig file (--config)")
+        raise IdentifyError(
+            f"{wishes.method} needs K_L: give it by --gain or by a rig file (--config), where it follows the "
+            f"supply pressure with recordings that have `ps`"
+        )
     first = identify(records, None, wishes.delay).fit
     if first is None:
-        return known._replace(K_L=1.0)
-    return known._replace(K_L=abs(first.value["K_L"]), delay=max(first.value["delay"], 0.0))
+        return known
+    guess = known._replace(K_L=abs(first.value["K_L"]), K_L_sd=math.inf)
+    is_told = section is not None or wishes.delay is not None
+    return guess if is_told else guess._replace(delay=max(first.value["delay"], 0.0))
 
 
 def _of_rig_file(section: AxisConfig) -> Beforehand:
     estimator = section.estimator
-    free = is_identified(section.K_L)
     return Beforehand(
-        K_L=math.nan if free else sum(gain_range(section.K_L)) / 2.0,
-        K_L_sd=math.inf if free else _deviation(estimator.K_L_sd),
+        K_L=sum(gain_range(section.K_L)) / 2.0,
+        K_L_sd=_deviation(estimator.K_L_sd),
         delay=estimator.delay,
         delay_sd=_deviation(estimator.delay_sd),
         hysteresis=section.relay.hysteresis,

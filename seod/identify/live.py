@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from statistics import fmean
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from seod.estimate import make_estimator
-from seod.estimate.advice import advise
+from seod.estimate.advice import INTERVAL, advise
 from seod.estimate.base import EstimatorSettings
 from seod.identify.answer import Result
 from seod.identify.fit import at
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 CYCLES: Final = 6
 """Window where no rig file tells it."""
+_ROUNDING: Final = 1e-9
 
 
 class Beforehand(NamedTuple):
@@ -69,12 +72,12 @@ def summary(records: Sequence[Record], told: Sequence[Estimate], method: str, kn
     """One answer of many: the mean of windows that share no sample, by their weights."""
     counts = dict(Counter(each.quality for each in told).most_common())
     good = [each for each in told if each.quality == "ok" and each.zeta and each.omega_n]
-    apart = _apart(good, known.cycles)
-    if not apart:
-        word = told[-1].quality if told else "no_oscillation"
-        message = f"no answer to be believed: {told[-1].advice if told else 'the relay never switches'}"
-        return Result(None, word, message, method=method, answers=counts)
-    value, sd = _mean(apart, known)
+    doubtful = [each for each in told if each.quality not in {"ok", "settling"}]
+    if not good or len(doubtful) >= len(good):
+        last = next(iter((doubtful or told)[-1:]), None)
+        word, why = (last.quality, last.advice) if last else ("no_oscillation", "the relay never switches")
+        return Result(None, word, f"no answer to be believed: {why}", method=method, answers=counts)
+    value, sd = _mean(_apart(good, known.cycles), known)
     fit = at(records, value, np.diag([sd[name] ** 2 for name in NAMES]))
     return Result(fit, "ok", advice=advise(value, sd), method=method, answers=counts)
 
@@ -91,24 +94,34 @@ def _apart(good: Sequence[Estimate], cycles: int) -> list[Estimate]:
 
 def _mean(apart: Sequence[Estimate], known: Beforehand) -> tuple[dict[str, float], dict[str, float]]:
     """Weighted means; standard deviations that hold their scatter, too."""
-    is_free = known.delay_sd > 0.0 and apart[0].method == "wave"
-    columns = {
-        "omega_n": [(each.omega_n, each.omega_n_sd) for each in apart],
-        "zeta": [(each.zeta, each.zeta_sd) for each in apart],
-        "delay": [(each.delay_s, None) for each in apart] if is_free else [(known.delay, 0.0)],
-        "K_L": [(each.K_L, each.K_L_sd or 0.0) for each in apart],
+    is_wave = apart[0].method == "wave"
+    pairs = {
+        "omega_n": _weighted([(each.omega_n, each.omega_n_sd) for each in apart]),
+        "zeta": _weighted([(each.zeta, each.zeta_sd) for each in apart]),
+        "delay": (known.delay, 0.0),
+        "K_L": (fmean(each.K_L or known.K_L for each in apart), 0.0),
     }
-    pairs = {name: _weighted([(x or 0.0, sd or 0.0) for x, sd in column]) for name, column in columns.items()}
+    if is_wave and known.delay_sd > 0.0:
+        pairs["delay"] = _weighted([(each.delay_s, None) for each in apart])
+    if is_wave and known.K_L_sd > 0.0:
+        pairs["K_L"] = _weighted([(each.K_L, each.K_L_sd) for each in apart])
     return {name: pair[0] for name, pair in pairs.items()}, {name: pair[1] for name, pair in pairs.items()}
 
 
-def _weighted(column: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Mean and standard deviation of values with theirs."""
-    x, sd = (np.array(each) for each in zip(*column, strict=True))
+def _weighted(column: Sequence[tuple[float | None, float | None]]) -> tuple[float, float]:
+    """Mean and standard deviation of values with theirs, as far as they have one."""
+    x, sd = (np.array([float(each or 0.0) for each in part]) for part in zip(*column, strict=True))
     if not (sd > 0.0).all():
-        scatter = float(np.std(x, ddof=1)) / math.sqrt(len(x)) if len(x) > 1 else 0.0
-        return float(np.mean(x)), scatter
+        return float(np.mean(x)), _scatter(x)
     weight: Array = sd**-2
     mean = float(weight @ x / weight.sum())
     excess = float(weight @ (x - mean) ** 2) / max(len(x) - 1, 1)
     return mean, math.sqrt(max(excess, 1.0) / float(weight.sum()))
+
+
+def _scatter(x: Array) -> float:
+    """Standard deviation of the mean, so that +-1.96 of it is a 95 % interval; nan of a single value."""
+    n = len(x)
+    if np.ptp(x) <= _ROUNDING * abs(float(x[0])):
+        return 0.0 if n > 1 else math.nan
+    return float(np.std(x, ddof=1)) / math.sqrt(n) * float(stdtrit(n - 1, 0.975)) / INTERVAL

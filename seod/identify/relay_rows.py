@@ -10,17 +10,19 @@ import numpy as np
 from seod.data.open import open_source
 from seod.estimate.base import Row
 from seod.identify.record import IdentifyError
-from seod.ring import FLAG_EXCITING, FLAG_SATURATED
+from seod.ring import FLAG_EXCITING, FLAG_SATURATED, FLAG_SECOND_PHASE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from seod.data import Recording
     from seod.estimate.limit_cycle import Array
     from seod.identify.record import Output
 
-_TOLD: Final = ("reference", "e_a", "bias", "signal", "K_L", "flags")
+_TOLD: Final = ("reference", "e_a", "bias", "signal", "flags")
 """Columns of the daemon's own recordings."""
 _OFF: Final = 0.02
 """Part of e_a by which a relay's voltage may be off its two levels."""
@@ -28,8 +30,17 @@ _MOST_OFF: Final = 0.05
 """Part of the samples that may lie elsewhere: an entry, an end."""
 
 
-def relay_rows(path: Path, data: Recording, axis: str | None, output: Output) -> list[Row]:
+def relay_rows(
+    path: Path, data: Recording, axis: str | None, output: Output, gain: Callable[[float], float]
+) -> list[Row]:
     """Rows of a relay's limit cycle; what the file does not tell of the relay is read off its voltage.
+
+    Args:
+        path: The file.
+        data: What was read of it.
+        axis: Of a file with several.
+        output: What its y is.
+        gain: K_L [unit/s/V] by the supply pressure [Pa]; nan where it tells none.
 
     Raises:
         IdentifyError: The voltage is no relay's.
@@ -37,35 +48,41 @@ def relay_rows(path: Path, data: Recording, axis: str | None, output: Output) ->
     """
     told = _told(path, data, axis)
     t_u = data.t if data.t_u is None else data.t_u
-    relay = _of_the_relay(path, data, told, output)
-    signal = {"y": data.y} if output == "position" else {"y": _integral(data, told), "speed": data.y}
-    columns = {"t": data.t, "u": data.u, "t_u": np.where(np.isnan(t_u), data.t, t_u)} | signal | relay
-    return list(_rows(columns))
+    ps = np.full(len(data.t), np.nan) if data.ps is None else data.ps
+    columns: dict[str, NDArray[Any]] = {
+        "t": data.t,
+        "u": data.u,
+        "t_u": np.where(np.isnan(t_u), data.t, t_u),
+        "K_L": np.array([gain(each) for each in ps.tolist()]),
+        "y": data.y if output == "position" else _integral(data, told),
+    }
+    speed = {"speed": data.y} if output == "velocity" else {}
+    return list(_rows({**columns, **speed, **_of_the_relay(path, data, told, output)}))
 
 
-def _rows(columns: Mapping[str, Array]) -> Iterator[Row]:
+def _rows(columns: Mapping[str, NDArray[Any]]) -> Iterator[Row]:
     names = list(columns)
-    for values in zip(*(columns[name].tolist() for name in names), strict=True):
-        row: dict[str, Any] = dict(zip(names, values, strict=True))
-        fresh = row["y"] == row["y"]
-        yield Row(
-            **row | {"exciting": bool(row["exciting"]), "saturated": bool(row["saturated"]), "fresh": fresh}
-        )
+    for values in zip(*(column.tolist() for column in columns.values()), strict=True):
+        row = dict(zip(names, values, strict=True))
+        yield Row(**row, fresh=row["y"] == row["y"])
 
 
-def _of_the_relay(path: Path, data: Recording, told: Mapping[str, Array], output: Output) -> dict[str, Array]:
+def _of_the_relay(
+    path: Path, data: Recording, told: Mapping[str, Array], output: Output
+) -> Mapping[str, NDArray[Any]]:
     """Columns that describe the relay."""
     n = len(data.t)
     if told.keys() >= {"e_a", "bias", "flags", "reference"}:
         flags = np.nan_to_num(told["flags"]).astype(np.int64)
-        reference = told["reference"] if output == "position" else np.zeros(n)
-        relay = {"e_a": told["e_a"], "bias": told["bias"], "reference": reference}
-        exciting, saturated = (flags & FLAG_EXCITING) > 0, (flags & FLAG_SATURATED) > 0
-        return relay | {
-            "exciting": exciting,
-            "saturated": saturated,
-            "K_L": told.get("K_L", np.full(n, np.nan)),
+        relay: dict[str, NDArray[Any]] = {
+            "e_a": told["e_a"],
+            "bias": told["bias"],
+            "reference": told["reference"] if output == "position" else np.zeros(n),
+            "exciting": (flags & FLAG_EXCITING) > 0,
+            "saturated": (flags & FLAG_SATURATED) > 0,
+            "second": (flags & FLAG_SECOND_PHASE) > 0,
         }
+        return relay
     e_a, bias = _levels(path, data.u)
     off = np.abs(np.abs(data.u - bias) - e_a)
     middle = float(np.nanmedian(data.y)) if output == "position" else 0.0
@@ -74,8 +91,6 @@ def _of_the_relay(path: Path, data: Recording, told: Mapping[str, Array], output
         "bias": np.full(n, bias),
         "reference": np.full(n, middle),
         "exciting": off < _OFF * e_a,
-        "saturated": np.zeros(n),
-        "K_L": np.full(n, np.nan),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,10 +52,11 @@ def _table(result: Result, fit: Fit, configured: Mapping[str, float]) -> str:
     for name in NAMES:
         factor, unit = _SHOWN[name]
         wide = INTERVAL * fit.sd[name] * factor
-        value, _, interval = with_sd(fit.value[name] * factor, wide).partition(" ± ")
-        interval = f"± {interval}" if interval else "assumed" if name in result.assumed else "given"
+        told = with_sd(fit.value[name] * factor, wide if math.isfinite(wide) else None)
+        value, _, interval = told.partition(" ± ")
+        kind = "assumed" if name in result.assumed else "given" if wide == 0.0 else "not told"
         known = [number(configured[name] * factor)] if name in configured else []
-        table.add_row(name, value, interval, unit, *known)
+        table.add_row(name, value, f"± {interval}" if interval else kind, unit, *known)
     page = io.StringIO()
     Console(file=page, width=100).print(table)
     return page.getvalue().strip("\n")
@@ -95,7 +97,8 @@ def plot(records: Sequence[Record], result: Result, to: Path) -> None:
         above.plot(record.t[every], record.y[every], linewidth=0.8, label="measured")
         above.plot(record.t[every], (record.y - left)[every], "--", linewidth=0.8, label="simulated")
         above.set_title(record.name, fontsize=9)
-        above.legend(fontsize=8)
+        above.legend(fontsize=8, loc="upper right")
+        above.set_ylabel("y")
         below.plot(record.t[every], left[every], linewidth=0.6, color="tab:red")
         below.set_ylabel("residual")
         below.set_xlabel("t [s]")
