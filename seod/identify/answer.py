@@ -11,6 +11,7 @@ import numpy as np
 
 from seod.estimate.advice import INTERVAL, Advice, advise, as_json
 from seod.estimate.base import finite_or_none
+from seod.identify.agree import disagreement
 from seod.identify.fit import Fit, fit
 from seod.identify.problem import NAMES, ZETA_RANGE, Given
 
@@ -114,13 +115,14 @@ def identify(records: Sequence[Record], K_L: float | None = None, delay: float |
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             best = fit(records, Given(K_L, delay))
+            differ = disagreement(records, Given(K_L, delay), best)
             others = _alternatives(records, K_L, delay, best) if _is_open(best) else []
     except (np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
         return Result(None, "fault", f"the search came to no number: {error}")
     simplest = next((each.fit for each in others if each.what == WITHOUT_DELAY), None)
     told = best if simplest is None else simplest
     cannot_tell = [_told(each, best) for each in others] or [*_unsure(best), *_tied(best)]
-    quality, message = _quality(records, told, bool(others))
+    quality, message = _quality(records, told, bool(others), differ)
     value = told.value | {"K_L": abs(told.value["K_L"])}
     return Result(
         fit=told,
@@ -220,7 +222,9 @@ def _tied(best: Fit) -> list[str]:
     return out
 
 
-def _quality(records: Sequence[Record], told: Fit, is_open: bool) -> tuple[str, str | None]:
+def _quality(
+    records: Sequence[Record], told: Fit, is_open: bool, differ: str | None
+) -> tuple[str, str | None]:
     """The word, worst first, and the reason."""
     clipped = [record.name for record in records if record.is_clipped]
     left = f"the simulation leaves {100 * told.nrmse:.3g} % of the recordings"
@@ -230,6 +234,7 @@ def _quality(records: Sequence[Record], told: Fit, is_open: bool) -> tuple[str, 
         ("saturated", bool(clipped), f"{', '.join(clipped)}: y stands at an end of its sensor's range"),
         ("noisy", told.nrmse > _NOTHING and told.white, f"{left}: y has little to do with u"),
         ("nonlinear", told.nrmse > _POOR and not told.white, f"{left}, and it is no noise: another plant"),
+        ("nonlinear", differ is not None, differ),
         ("out_of_range", not _is_in_range(zeta), f"zeta ran to {zeta:.3g}"),
         ("noisy", is_open, "other plants explain the recordings as well"),
         ("noisy", bool(unsure), "; ".join(unsure)),

@@ -73,6 +73,17 @@ def test_several_recordings_count_by_their_own_noise():
     assert abs(both.value["zeta"] - ZETA) < 4.0 * both.sd["zeta"]
 
 
+def test_recordings_of_two_plants_are_told(monkeypatch):
+    first = record(1, 0.02, n=600)
+    monkeypatch.setitem(globals(), "ZETA", 0.5)
+    t, u, y = simulated(2, 0.02, n=600)
+    found = identify([first, Record("other", t, u, y)])
+    assert found.quality == "nonlinear"
+    assert "in made but" in found.message
+    assert "in other: the plant has changed, or depends on the amplitude" in found.message
+    assert found.advice is None
+
+
 def test_outliers_are_left_out():
     t, u, y = simulated(3, 0.01, n=600)
     y[100:600:100] += 5.0 * np.std(y)
