@@ -12,7 +12,7 @@ from seod.config.gain import Gain, GainModel
 from seod.config.model import LimitsConfig, RelayConfig
 from seod.config.units import dimension_of, parse_quantity, units_of
 from seod.config.wiring import sensor_dimension
-from seod.gain import gain_range, needs_pressure
+from seod.gain import gain_range, is_identified, needs_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,6 +45,7 @@ def check_modes(draft: Draft) -> Iterator[ConfigError]:
         yield from _sensor(draft, axis)
         yield from _conditions(draft, axis)
         yield from _keys(draft, axis)
+        yield from _identified(draft, axis)
         if is_velocity(draft, axis):
             yield from _reference(draft, axis)
         yield from _simulated(draft, axis)
@@ -120,6 +121,15 @@ def _keys(draft: Draft, axis: str) -> Iterator[ConfigError]:
     if draft.raw("axes", axis, "filter") is not None:
         message = "belongs to position mode: in velocity mode the integrator is the filter"
         yield draft.error(("axes", axis, "filter"), message, "leave it out")
+
+
+def _identified(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Only one estimator tells K_L."""
+    K_L, path = gain(draft, axis), ("axes", axis, "estimator", "method")
+    asked = draft.raw("axes", axis, "excitation", "two_phase", "enabled") is True
+    if (asked or (K_L is not None and is_identified(K_L))) and draft.text(*path) not in (None, "wave"):
+        what = "two-phase excitation is for" if asked else "K_L is identified by"
+        yield draft.wrong(path, f"{what} the method `wave` alone", "`wave`, or leave it out")
 
 
 def _reference(draft: Draft, axis: str) -> Iterator[ConfigError]:
