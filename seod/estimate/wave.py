@@ -13,6 +13,7 @@ import numpy as np
 from seod.estimate import quality
 from seod.estimate.base import finite_or_none
 from seod.estimate.cycle import CycleEstimator, Solution
+from seod.estimate.gain_course import under_one_gain
 from seod.estimate.inversion import Measured, Plant, describing_function
 from seod.estimate.phases import Phases
 from seod.estimate.plant_response import StepwiseVoltage
@@ -49,7 +50,7 @@ class WaveEstimator(CycleEstimator):
         super().reset()
         self._clips = deque(maxlen=self.window)
         self._samples: list[tuple[float, float]] = []
-        self._voltages: list[tuple[float, float]] = []
+        self._voltages: list[tuple[float, float, float]] = []
         self._phases = Phases()
         self._length = 0
         self._lost = 0
@@ -65,7 +66,7 @@ class WaveEstimator(CycleEstimator):
     def _apply(self, row: Row) -> None:
         self._phases.note(row.t_u, row.second)
         if not self._voltages or abs(row.u - self._voltages[-1][1]) > SAME_VOLTAGE * row.e_a:
-            self._voltages.append((row.t_u, row.u))
+            self._voltages.append((row.t_u, row.u, self.record.gain_of(row)))
 
     def listen(self, row: Row) -> None:
         """Take a row with a new sample."""
@@ -141,12 +142,12 @@ class WaveEstimator(CycleEstimator):
         switches = self.record.switches
         if self._length < len(switches):
             begin = switches[-1 - self._length].t
-            del self._samples[: bisect_left(self._samples, (begin, -math.inf))]
+            del self._samples[: bisect_left(self._samples, (begin,))]
         self._forget_voltages()
 
     def _forget_voltages(self) -> None:
         first = self._samples[0][0] if self._samples else math.inf
-        count = bisect_left(self._voltages, (first - self._longest_delay(), -math.inf))
+        count = bisect_left(self._voltages, (first - self._longest_delay(),))
         del self._voltages[: max(count - 1, 0)]
 
     def _longest_delay(self) -> float:
@@ -164,18 +165,19 @@ class WaveEstimator(CycleEstimator):
         """What is to be fitted; None where it holds too little."""
         if not self._samples or not self._voltages:
             return None
-        t_u, u = np.array(self._voltages).T
+        t_u, u, gains = np.array(self._voltages).T
         t, y = np.array(self._samples).T
         inside = t >= t_u[0] + self._longest_delay()
         t, y = t[inside], y[inside]
         if len(t) < 2:
             return None
+        t_u, u, K_L = under_one_gain(t_u, u, gains, 0.5 * float(t[0] + t[-1]))
         known = self.settings
         return Window(
             t=t,
             y=y,
             voltage=StepwiseVoltage(t_u, u, t, known.integrated),
-            K_L=Known(self.record.K_L, known.K_L_sd),
+            K_L=Known(K_L, known.K_L_sd),
             delay=Known(known.delay_s, known.delay_sd),
             lag=known.lag_s,
             resolution=known.resolution,

@@ -80,7 +80,8 @@ class Answer:
         """Half the peak-to-peak position of the newest cycle [unit]."""
         model = self.model
         if self.window.voltage.speed and len(model) > 1:
-            means = 0.5 * (model[1:] + model[:-1]) - np.mean(model)
+            swing = model - np.linspace(model[0], model[-1], len(model))  # about a speed that may change
+            means = 0.5 * (swing[1:] + swing[:-1]) - np.mean(swing)
             model = np.cumsum(means * np.diff(self.window.t[self.newest]))
         return 0.5 * float(np.ptp(model))
 
