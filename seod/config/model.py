@@ -15,8 +15,8 @@ from seod.config.excitation import ExcitationConfig
 from seod.config.gain import Gain, GainModel
 from seod.config.section import (
     FINITE,
-    NON_NEGATIVE,
     POSITIVE,
+    Deviation,
     Hertz,
     Measured,
     Name,
@@ -29,6 +29,7 @@ from seod.config.section import (
     PositiveVoltage,
     Scale,
     Seconds,
+    SecondsDeviation,
     Section,
     Slew,
     Speed,
@@ -143,9 +144,9 @@ class EstimatorConfig(Section):
     """Cut-off of the low-pass of section 2.3(2), used by `peaks`."""
     delay: NonNegativeSeconds = 0.0
     """Known delay between a command's leaving and the valve's input, and of the sensor."""
-    K_L_sd: Annotated[float, NON_NEGATIVE] | None = None
-    """Standard deviation of K_L as it is known, for `wave` [as K_L]; left out: that of `calibration`."""
-    delay_sd: NonNegativeSeconds | None = None
+    K_L_sd: Deviation | None = None
+    """Standard deviation of K_L as it is known, [as K_L], or `unknown`; left out: that of `calibration`."""
+    delay_sd: SecondsDeviation | None = None
     """Likewise of `delay`. Neither there nor here: the value is taken as certain."""
 
 

@@ -112,8 +112,10 @@ class Axis:
             integrated=self._velocity,
         )
 
-    def _known_to(self, sd: float | None, name: Literal["K_L", "delay"]) -> float:
+    def _known_to(self, sd: float | Literal["unknown"] | None, name: Literal["K_L", "delay"]) -> float:
         """The standard deviation that the rig file gives for a value, or else its calibration's."""
+        if sd == "unknown":
+            return math.inf
         calibration = self.config.calibration
         if sd is not None or calibration is None:
             return sd or 0.0
