@@ -7,6 +7,7 @@ mean(Y) / mean(U) has no bias.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from seod.respond.record import Array, Complex
     from seod.respond.spectrum import Flags, Spectra
 
+_FLOOR: Final = 1e-3
+"""Distortion below this part of the response is not told."""
+_SURE: Final = 5.0
+"""Standard deviations of what noise alone would show."""
 _NEIGHBOURS: Final = 2
 """On each side, over which a variance is averaged: noise is even, and few windows tell it badly."""
 
@@ -60,14 +65,18 @@ class Detection:
     noise: Array
 
     def distortion(self, odd: bool) -> tuple[float, bool] | None:
-        """RMS part of the response beyond noise, and whether it is significant; None without such lines."""
+        """RMS part of the response beyond noise, and whether it is significant; None without such lines.
+
+        Lines count by how well they are known.
+        """
         chosen = self.odd == odd
         if not chosen.any():
             return None
-        power, noise = float(np.mean(self.level[chosen] ** 2)), float(np.mean(self.noise[chosen] ** 2))
-        excess = power - noise
-        surely = excess > 3.0 * noise / np.sqrt(chosen.sum()) + 1e-12
-        return float(np.sqrt(max(0.0, excess))), bool(surely)
+        noise = self.noise[chosen] ** 2
+        weight = 1.0 / (noise + _FLOOR**2)
+        excess = float(weight @ (self.level[chosen] ** 2 - noise) / weight.sum())
+        chance = float(np.linalg.norm(weight * noise)) / float(weight.sum())
+        return math.sqrt(max(0.0, excess)), excess > _SURE * chance + _FLOOR**2
 
 
 def points(realisations: Sequence[Spectra]) -> Points:
@@ -134,7 +143,7 @@ def detection(realisations: Sequence[Spectra], found: Points) -> Detection:
         left = y - G * u
         size = _between(found.omega, np.abs(found.G) * found.volts, at).real
         levels.append(np.abs(left.mean(axis=0)) / size)
-        noises.append(np.sqrt(left.var(axis=0, ddof=1) / n) / size)
+        noises.append(np.sqrt(_smooth(left.var(axis=0, ddof=1)) / n) / size)
     odd = realisations[0].orders[chosen] % 2 == 1
     return Detection(at, odd, _rms(levels), _rms(noises))
 
