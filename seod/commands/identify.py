@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,7 +28,8 @@ def identify(
         float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
     ] = None,
     delay: Annotated[
-        float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
+        float | None,
+        typer.Option(metavar="S", min=0.0, help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
@@ -52,6 +54,10 @@ def identify(
     from seod.identify.command import Wishes, run  # noqa: PLC0415
     from seod.identify.record import IdentifyError  # noqa: PLC0415
 
+    if gain is not None and (gain == 0.0 or not math.isfinite(gain)):
+        raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
+    if delay is not None and not math.isfinite(delay):
+        raise typer.BadParameter("must be a number", param_hint="--delay")
     with plain_errors():
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:

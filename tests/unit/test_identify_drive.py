@@ -34,9 +34,9 @@ def integrated(zeta, delay, t_u, u, t, hold):
 @pytest.mark.parametrize("zeta", [0.05, 0.6, 1.0, 1.0 + 1e-9, 4.0, 25.0])
 def test_it_is_the_plant_s_but_for_a_start_that_the_fit_takes_up(zeta, hold):
     rng = np.random.default_rng(3)
-    t_u = np.cumsum(rng.uniform(0.0005, 0.006, 120))
-    u = np.repeat(rng.uniform(-1.0, 1.0, 60), 2)
-    t = np.sort(rng.uniform(t_u[0] + 0.003, t_u[-1], 150))
+    t_u = np.cumsum(rng.uniform(0.0005, 0.006, 60))
+    u = np.repeat(rng.uniform(-1.0, 1.0, 30), 2)
+    t = np.sort(rng.uniform(t_u[0] + 0.003, t_u[-1], 80))
     plant = Dynamics(OMEGA_N, zeta, 0.0023)
     position, velocity = integrated(zeta, 0.0023, t_u, u, t, hold).T
     drive = Drive(t_u, u, t, hold)
