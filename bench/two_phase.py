@@ -3,12 +3,12 @@
     python bench/two_phase.py [--runs 30]
 
 A sampled relay (0.5 ms, K_L = 17, e_a = 0.5 V, 0.4 ms of delay, 1 % noise) on the exact linear plant at rest.
-Nothing is known of K_L (first guess 5) and of the delay. The relay is the loop's; the second phase is chosen from
-the first estimate that is `ok`, as in the gateway. Times are from relay on to the first answer whose 95 % interval
-of K_L is within 0.5 %. The errors are those of the last answer within 1 s, in % of the true values: "rms" over the
-runs, "stated" the mean of what the answers state, "bound" Cramer and Rao's, by differences of the plant's motion
-under the voltages of one run's window, with K_L, the delay, the start and a load unknown. The last columns tell how
-many of all answers' 95 % intervals hold K_L.
+Nothing is known of K_L (first guess 5) and of the delay. The relay is the loop's; the second phase is chosen
+from the first estimate that is `ok`, as in the gateway. Times are from relay on to the first answer whose
+95 % interval of K_L is within 0.5 %. The errors are those of the last answer within 1 s, in % of the truth:
+"rms" over the runs, "stated" the mean of what the answers state, "bound" Cramer and Rao's, by differences of
+the plant's motion under the voltages of one run's window, with K_L, the delay, the start and a load unknown.
+The last columns tell how many of all answers' 95 % intervals hold K_L.
 """
 
 from __future__ import annotations

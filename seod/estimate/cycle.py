@@ -104,7 +104,7 @@ class CycleEstimator(ABC):
         return self._without_numbers(advice)
 
     def _without_numbers(self, advice: str) -> Estimate:
-        K_L = finite_or_none(self.record.K_L)
+        K_L = None if math.isinf(self.settings.K_L_sd) else finite_or_none(self.record.K_L)
         return Estimate(self.record.now, self.method, self._quality, K_L=K_L, advice=advice)
 
     def _state(self) -> str:

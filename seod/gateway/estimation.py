@@ -80,10 +80,12 @@ class Axis:
     _mean: CycleMean = field(default_factory=CycleMean)
     _levels: levels.Levels = field(default_factory=levels.Levels)
     _velocity: bool = field(init=False)
+    _identified: bool = field(init=False)
     _estimator: Estimator = field(init=False)
 
     def __post_init__(self) -> None:
         self._velocity = self.config.mode == "velocity"
+        self._identified = is_identified(self.config.K_L)
         self.settings = {**self._configured(), "method": self.config.estimator.method}
         self._estimator = self.make(self._estimator_settings())
 
@@ -96,7 +98,7 @@ class Axis:
     def _estimator_settings(self) -> EstimatorSettings:
         estimator, phases = self.config.estimator, self.config.excitation.two_phase
         two_phase = self.settings["two_phase"]
-        free = two_phase or is_identified(self.config.K_L)
+        free = two_phase or self._identified
         return EstimatorSettings(
             method=self.settings["method"],
             K_L=self.settings["K_L"] or sum(gain_range(self.config.K_L)) / 2.0,
@@ -128,7 +130,7 @@ class Axis:
         if not changed:
             return
         self.settings.update(changed)
-        if changed.keys() == {"K_L"} and is_identified(self.config.K_L):
+        if changed.keys() == {"K_L"} and self._identified and self.settings["method"] == "wave":
             return  # it is the estimator's own
         if not INCOMPARABLE.isdisjoint(changed):
             self._levels = levels.Levels()
@@ -170,6 +172,7 @@ class Axis:
             speed, y, reference = y, -signal, 0.0
         exciting, fresh = bool(flags & FLAG_EXCITING), bool(flags & FLAG_FRESH)
         saturated, second = bool(flags & FLAG_SATURATED), bool(flags & FLAG_SECOND_PHASE)
+        K_L = math.nan if self._identified else K_L  # what is put in force is no change of the plant
         return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated, second, speed)
 
     def _with_conditions(self, answer: Estimate, values: RowTuple) -> Estimate:
@@ -177,12 +180,9 @@ class Axis:
         ps, temperature, K_L = values[8:11]
         if answer.mean_speed is not None and self._velocity:
             answer = replace(answer, mean_speed=self._mean.value())
-        return replace(
-            answer,
-            ps=finite_or_none(ps),
-            temperature=finite_or_none(temperature),
-            K_L=answer.K_L if answer.K_L is not None else finite_or_none(K_L),
-        )
+        if answer.K_L is None and not self._identified:
+            answer = replace(answer, K_L=finite_or_none(K_L))
+        return replace(answer, ps=finite_or_none(ps), temperature=finite_or_none(temperature))
 
     def _at_its_level(self, e_a: float, answer: Estimate) -> Estimate:
         """The answer, with what others at other amplitudes say to it."""

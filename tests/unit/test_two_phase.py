@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ class Shaft(OdeDriver):
     """Its sensor reads the angle; commands take `delay` ticks to the valve."""
 
     delay = 0
+    dead = 0.0
+    """Half-width of the valve's dead band [V]."""
 
     def start(self) -> None:
         self.under_way = [0.0] * self.delay
@@ -33,7 +36,8 @@ class Shaft(OdeDriver):
         return [Sample(float(self.solver.y[0]) + self.noise * self.random.standard_normal(), t)]
 
     def write(self, t: float, values: Any) -> float:
-        self.under_way.append(values[0])
+        opened = max(abs(values[0]) - self.dead, 0.0)
+        self.under_way.append(math.copysign(opened, values[0]))
         return super().write(t, [self.under_way.pop(0)])
 
 
@@ -121,6 +125,18 @@ def test_a_delay_that_nobody_knew_of_comes_out_as_well(rig: Callable[..., WholeR
     assert newest(whole)["delay_s"] == pytest.approx(4e-3, abs=1e-4)
     assert newest(whole)["K_L"] == pytest.approx(K_L, rel=5e-3)
     assert newest(whole)["quality"] == "ok"
+
+
+def test_a_dead_band_is_a_smaller_gain_and_no_damping(rig: Callable[..., WholeRig]) -> None:
+    whole = rig(0.45, 145.0)
+    driver: Any = whole.bench.driver
+    driver.dead = 0.05
+    excited(whole).run(1.0)
+    found = newest(whole)
+    assert found["quality"] == "ok"
+    assert found["K_L"] == pytest.approx(0.9 * K_L, rel=5e-3)
+    assert found["zeta"] == pytest.approx(0.45, rel=0.01)
+    assert found["omega_n"] == pytest.approx(145.0, rel=5e-3)
 
 
 def test_limits_are_kept_by_a_shorter_lateness(rig: Callable[..., WholeRig]) -> None:
