@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from seod.estimate.advice import INTERVAL
 from seod.identify.fit import Fit, fit
 from seod.identify.problem import Given
+from seod.identify.spread import innovation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +23,9 @@ FIRST_ORDER: Final = "as a first-order lag"
 _LAG_ZETA: Final = 20.0
 """A zeta at which nothing but a first-order lag of 2 zeta / omega_n is left."""
 _AS_WELL: Final = 1.25
-"""Ratio of errors up to which a wrong model's residual decides nothing."""
+"""Ratio of errors up to which what a wrong model leaves decides nothing."""
 _CHI_SQUARE: Final = 9.0
-"""Of one degree of freedom: three standard deviations, where what is left is noise."""
+"""Of one degree of freedom: three standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,7 @@ def alternatives(
     records: Sequence[Record], K_L: float | None, delay: float | None, best: Fit
 ) -> list[Alternative]:
     """Simpler plants, as far as they explain the recordings as well as the best."""
-    if not _is_open(best):
+    if best.white and not _is_unsure(best):
         return []
     found = []
     if delay is None:
@@ -59,16 +61,15 @@ def _differs(other: Fit, best: Fit) -> bool:
 
 
 def _as_well(other: Fit, best: Fit) -> bool:
-    """Noise decides by likelihood; a residual that is none decides only where the errors differ much."""
-    if best.white:
-        count = sum(len(left) for left in best.residual)
-        return (other.nrmse**2 / best.nrmse**2 - 1.0) * count < _CHI_SQUARE
-    return other.nrmse < _AS_WELL * best.nrmse
+    """By likelihood; where the best is unsure and leaves no noise, only errors that differ much decide."""
+    if _is_unsure(best) and not best.white and other.nrmse < _AS_WELL * best.nrmse:
+        return True
+    pairs = zip(other.residual, best.residual, strict=True)
+    return sum(len(b) * math.log(innovation(a) / innovation(b)) for a, b in pairs) < _CHI_SQUARE
 
 
-def _is_open(best: Fit) -> bool:
-    """Whether others may explain the recordings as well: a residual that is no noise hides much."""
-    return not best.white or any(best.sd[name] > UNSURE * best.value[name] for name in ("omega_n", "zeta"))
+def _is_unsure(best: Fit) -> bool:
+    return any(best.sd[name] > UNSURE * best.value[name] for name in ("omega_n", "zeta"))
 
 
 def in_words(other: Alternative, best: Fit) -> str:

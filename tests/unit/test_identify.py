@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scipy.signal import cont2discrete, lsim, lti
+from scipy.signal import cont2discrete, lfilter, lsim, lti
 from typer.testing import CliRunner
 
 from seod.cli import app
@@ -63,6 +63,17 @@ def test_the_intervals_hold_the_truth():
             / [fit.sd[k] for k in ("omega_n", "zeta", "delay", "K_L")]
         )
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_the_intervals_hold_the_truth_in_coloured_noise():
+    scores = []
+    for seed in range(10):
+        t, u, y = simulated(seed, 0.0, n=600)
+        noise = lfilter([1.0], [1.0, -0.8], np.random.default_rng(100 + seed).standard_normal(700))[100:]
+        fit = identify([Record("made", t, u, y + 0.02 * np.std(y) * noise)]).fit
+        truth = {"omega_n": OMEGA_N, "zeta": ZETA, "delay": DELAY, "K_L": K_L}
+        scores += [(fit.value[name] - truth[name]) / fit.sd[name] for name in truth]
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.3
 
 
 def test_several_recordings_count_by_their_own_noise():
