@@ -33,6 +33,10 @@ BACK_S: Final = 5.0
 _CYCLES: Final = 10
 _SHORTEST_S: Final = 0.4
 """Of a single tone: so many cycles, and at least so long."""
+_MORE_S: Final = 0.05
+"""A drive lasts longer by this, so that no late tick takes the last period away."""
+PEAK: Final = 1.03
+"""Its sum of tones may be larger between the instants at which its peak was sought."""
 _BAND: Final = (0.05, 3.0)
 """In parts of the plant's frequency, where no band is given."""
 
@@ -123,7 +127,10 @@ def plan(axis: AxisConfig, wishes: Wishes, room: Room, K_L: float, plant: Plant 
     if wishes.kind == "multisine":
         period = wishes.period or 1.0 / band[0]
         sets = multisines(band, period, wishes.realisations, room.output, random)
-        drives = [Excitation(period, tones, settling, settling + wishes.periods * period) for tones in sets]
+        drives = [
+            Excitation(period, tones, settling, settling + wishes.periods * period + _MORE_S)
+            for tones in sets
+        ]
     else:
         drives = [_sine(tones, settling) for tones in sines(band, wishes.points)]
     longest = max(drive.duration for drive in drives)
@@ -143,7 +150,7 @@ def _band(plant: Plant | None) -> tuple[float, float]:
 def _sine(tones: Tones, settling: float) -> Excitation:
     period = 1.0 / tones[0].frequency
     cycles = max(_CYCLES, math.ceil(_SHORTEST_S / period))
-    return Excitation(period, tones, settling, settling + cycles * period)
+    return Excitation(period, tones, settling, settling + cycles * period + _MORE_S)
 
 
 def _sized(
@@ -175,7 +182,7 @@ def room_of(axis: AxisConfig, reading: float, bias: float, reference: float) -> 
     if not velocity:
         way = min(way, axis.limits.amplitude)
     speed = axis.limits.speed if axis.limits.speed is not None else math.inf
-    volts = axis.limits.output - abs(bias)
+    volts = (axis.limits.output - abs(bias)) / PEAK
     if min(way, volts) <= 0.0:
         what = f"at {centre:.4g} limits.travel [{low:g}, {high:g}] and limits.output leave no room"
         raise RespondError(what)
@@ -194,7 +201,7 @@ def drive_all(
     stretches = []
     for k, drive in enumerate(drives):
         told(k / len(drives))
-        samples = rig.excite(drive.most * (1.0 + 1e-6), drive.duration, drive.tones)
+        samples = rig.excite(PEAK * drive.most, drive.duration, drive.tones)
         fresh = np.array([sample["fresh"] for sample in samples])
         t, u, y, t_u = (np.array([sample[key] for sample in samples]) for key in ("t", "u", "y", "t_u"))
         y = np.where(fresh, y, math.nan)
