@@ -62,6 +62,8 @@ def identify(
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
+        if rig is not None and axis is None and len(rig.axes) > 1:
+            raise CommandError(f"{config} has the axes {', '.join(rig.axes)}: choose one by --axis")
         wishes = Wishes(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
         try:
             show(run(paths, rig, wishes))

@@ -219,6 +219,15 @@ def test_values_that_cannot_be_are_refused(tmp_path, wrong):
     assert wrong[0] in done.output
 
 
+def test_of_a_rig_with_several_axes_one_has_to_be_chosen(tmp_path):
+    seat = str(Path(__file__).parents[2] / "configs" / "seat-virtual.yaml")
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "a.csv"), "--config", seat])
+    assert done.exit_code == 1
+    assert "has the axes pitch, roll: choose one by --axis" in done.output
+    done = CliRunner().invoke(app, ["identify", str(tmp_path / "a.csv"), "--config", seat, "--axis", "yaw"])
+    assert "no axis 'yaw'" in done.output
+
+
 def test_a_missing_file_is_told(tmp_path):
     done = CliRunner().invoke(app, ["identify", str(tmp_path / "none.csv")])
     assert done.exit_code == 1
