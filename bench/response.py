@@ -1,13 +1,13 @@
-"""Limit cycle against frequency response: alike at a small amplitude, and apart at a large one as predicted.
+"""Limit cycle against frequency response: alike at a small amplitude, apart at a large one as predicted.
 
     python bench/response.py
 
-1. The linear plants of the design under one tick of delay and noise of 1 % of the limit cycle's amplitude: the
-   relay's answer (`wave`, K_L known) over 3 s, multisines and sines through the same sampled loop. Goal: within 1 %
-   in omega_n and 3 % in zeta.
-2. A servo motor whose flow follows the square root of the pressure drop (`square_root_flow`), measured on an
-   integrator written apart (RK4) and predicted from the rig file's plant by the kernel (`seod response --predict`),
-   and for the relay's first harmonic by the describing function of the flow.
+1. The linear plants of the design under one tick of delay and noise of 1 % of the limit cycle's amplitude:
+   the relay's answer (`wave`, K_L known) over 3 s, multisines and sines at the same rate. Goal: within 1 % in
+   omega_n and 3 % in zeta.
+2. A servo motor whose flow follows the square root of the pressure drop, measured on an integrator written
+   apart (RK4), predicted from the rig file's plant by the kernel (`seod response --predict`), and for the
+   relay's first harmonic by the describing function of the flow.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def agreement() -> None:
 
 
 def described(a: Actuator, e_a: float) -> float:
-    """zeta that the limit cycle shows, by its first harmonic at omega_n: there the pressure is in phase with the relay."""
+    """zeta that the limit cycle shows by its first harmonic at omega_n: pressure and relay are in phase."""
     shape = np.abs(np.cos(np.linspace(0, 2 * np.pi, 4001)[:-1]))
 
     def surplus(speed: float) -> float:
@@ -92,9 +92,7 @@ def described(a: Actuator, e_a: float) -> float:
 
 
 def large_amplitudes() -> None:
-    print(
-        f"\nsquare-root flow, zeta {SERVO.zeta}, omega_n {SERVO.omega_n}, supply {SERVO.supply:g} rad/s^2: zeta"
-    )
+    print(f"\nsquare-root flow, zeta {SERVO.zeta}, omega_n {SERVO.omega_n}, supply {SERVO.supply:g} rad/s^2")
     print(f"{'e_a [V]':>8} {'':>12} {'measured':>9} {'predicted':>10}      off   describing function")
     rig = rig_file()
     for e_a in AMPLITUDES:
@@ -111,9 +109,8 @@ def large_amplitudes() -> None:
             ("ratio", cycle / found.zeta, expected.limit_cycle.zeta / expected.response.zeta),
         ):
             closed = f"{described(SERVO, e_a):.4f}" if name == "limit cycle" else ""
-            print(
-                f"{e_a:8} {name:>12} {value:9.4f} {other:10.4f} {100 * (other / value - 1):+6.2f} %   {closed}"
-            )
+            off = f"{100 * (other / value - 1):+6.2f} %"
+            print(f"{e_a:8} {name:>12} {value:9.4f} {other:10.4f} {off}   {closed}")
 
 
 def rig_file():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -112,6 +113,7 @@ def on_rig(config: RigConfig, path: Path, excitation: live.Wishes, wishes: Wishe
     name = _axis(config, wishes.axis)
     axis = config.axes[name]
     console = Console(stderr=True)
+    signal.signal(signal.SIGTERM, _interrupt)  # ends as ctrl-C does: the axis stopped and back in place
     try:
         with daemon(config, path) as client, Progress(console=console, transient=True) as progress:
             task = progress.add_task(name, total=1.0)
@@ -136,6 +138,10 @@ def on_rig(config: RigConfig, path: Path, excitation: live.Wishes, wishes: Wishe
         e_a = axis.relay.e_a if cycle is None else cycle.e_a
         predicted = predict(config, name, drives, e_a, K_L or found.fit.plant.K_L)
     return _told(found, name, stretches[0].output, wishes, cycle, predicted)
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _axis(config: RigConfig, name: str | None) -> str:

@@ -227,7 +227,7 @@ def measure(
     cycle = limit_cycle(client, name, wishes.e_a) if wishes.relay else None
     with closing(RemoteRig(client, name)) as rig, at_rest_afterwards(client, name):
         bias, reference = now["settings"]["bias"], now["settings"].get("reference") or 0.0
-        K_L = rig.gain()
+        K_L = rig.gain() if cycle is None else cycle.plant.K_L
         if axis.mode == "velocity":
             bias = abs(bias) + abs(reference / K_L)
         room = room_of(axis, rig.position(), bias, reference)

@@ -1,8 +1,8 @@
 """An actuator whose valve's flow follows the square root of the pressure drop, written apart: RK4, no kernel.
 
-    p' = omega_n^2 (flow - v) - 2 zeta omega_n p,  v' = p,  flow = K_L u sqrt|1 - sgn(u) p / supply| signed
+    v' = p,  p' = omega_n^2 (flow - v) - 2 zeta omega_n p,  flow = K_L u root(1 - sgn(u) p / supply)
 
-`p` is the load's acceleration that the pressure makes [unit/s^2], `supply` what all the supply pressure makes.
+`p` is the load's acceleration that the pressure makes [unit/s^2], `supply` that of all the supply pressure.
 """
 
 from __future__ import annotations
