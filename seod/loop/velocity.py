@@ -145,9 +145,10 @@ class VelocityMode:
         return self.settling.done(t, abs(self.error) <= tolerance)
 
     def absorb(self, K_L: float) -> None:
-        """What the trim had put right is in the gain now."""
-        if self.settings["trim"] and self.duty is not None:
-            self._trim(self.reference / self.K_L - self.reference / K_L)
+        """What the trim has put right of a wrong gain is in the gain now."""
+        more = self.reference / K_L - self.reference / self.K_L
+        if self.trim * more > 0.0:
+            self.trim = toward(0.0, self.trim, abs(more))
 
     def relay_on(self, t: float) -> None:
         """The integral begins at the relay's threshold."""

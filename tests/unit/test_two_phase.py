@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -236,27 +235,67 @@ def test_off_where_nobody_asked_for_it(rig: Callable[..., WholeRig]) -> None:
     assert newest(whole)["K_L_sd"] == 0.0
 
 
-def test_speed_with_a_wrong_guess_comes_to_rest_on_the_right_gain() -> None:
-    speed = {
-        "mode": "velocity",
-        "reference": 32.5,
-        "K_L": {"identified": 19.0},
-        "relay": {"hysteresis": 0.004},
-        "limits": {"output": 10.0, "travel": (-60.0, 190.0), "speed": None, "amplitude": 1.0, "growth": 6.0},
-        "polarity": {"movement": 3.0},
-    }
-    plant = {"measures": "velocity", "noise": 0.26}
-    changes = {"axes": {"motor": speed}, "simulation": {"plants": {"motor": plant}}}
-    sensor = {"sensors": {"angle": {"channel": "motor.angle", "unit": "rad/s"}}}
-    whole = WholeRig(Bench(merge(changes, sensor), RIG))
-    whole.run(0.05)
-    excited(whole).run(2.5)
+@pytest.fixture
+def speeds() -> Iterator[Callable[[float], WholeRig]]:
+    made: list[WholeRig] = []
+
+    def make(guess: float) -> WholeRig:
+        motor = {
+            "mode": "velocity",
+            "reference": 32.5,
+            "K_L": {"identified": guess},
+            "relay": {"hysteresis": 0.004},
+            "limits": {
+                "output": 10.0,
+                "travel": (-60.0, 190.0),
+                "speed": None,
+                "amplitude": 1.0,
+                "growth": 6.0,
+            },
+            "polarity": {"movement": 3.0},
+        }
+        plant = {"measures": "velocity", "noise": 0.26}
+        changes = {"axes": {"motor": motor}, "simulation": {"plants": {"motor": plant}}}
+        sensor = {"sensors": {"angle": {"channel": "motor.angle", "unit": "rad/s"}}}
+        made.append(WholeRig(Bench(merge(changes, sensor), RIG)))
+        made[-1].run(0.05)
+        return excited(made[-1])
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def biases(whole: WholeRig) -> list[float]:
+    return [each["bias"] for each in whole.told("sample") if each["state"] == "exciting"]
+
+
+def test_speed_with_a_wrong_guess_comes_to_rest_on_the_right_gain(
+    speeds: Callable[[float], WholeRig],
+) -> None:
+    whole = speeds(19.0)
+    whole.run(0.8)
     found = newest(whole)
     assert found["quality"] == "ok"
     assert found["K_L"] == pytest.approx(K_L, rel=5e-3)
-    assert abs(found["asymmetry"]) < 0.02
-    in_force = whole.bench.loop.axes[0].mode.bias
-    assert in_force == pytest.approx(32.5 / K_L, rel=0.02)
-    biases = [each["bias"] for each in whole.told("sample") if each["state"] == "exciting"]
-    assert max(abs(b - a) for a, b in pairwise(biases)) < 0.05, "no jump where K_L changed"
-    whole.close()
+    volts = biases(whole)
+    assert volts[-1] == pytest.approx(32.5 / K_L, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("trim", "left"), [(0.25, 0.25 - 32.5 / 17 + 32.5 / 19), (0.05, 0.0), (-0.1, -0.1), (0.0, 0.0)]
+)
+def test_the_trim_gives_back_what_it_put_right(
+    speeds: Callable[[float], WholeRig], trim: float, left: float
+) -> None:
+    mode: Any = speeds(19.0).bench.loop.axes[0].mode
+    mode.trim = trim
+    mode.absorb(17.0)
+    assert mode.trim == pytest.approx(left)
+
+
+def test_the_turns_between_the_phases_do_not_move_the_trim(speeds: Callable[[float], WholeRig]) -> None:
+    whole = speeds(K_L)
+    whole.run(1.5)
+    late = biases(whole)[-1600:]
+    assert max(late) - min(late) < 0.025
