@@ -64,7 +64,7 @@ def work(options: argparse.Namespace, digest: str) -> None:
 def tables(found: Found) -> dict[str, str]:
     """By the names that the document gives them."""
     return {
-        "goals": goals(found) + "\n" + "\n".join(totals(found)) + "\n",
+        "goals": goals(found) + "\n" + totals(found),
         "methods-zeta": methods(found, 1),
         "methods-omega_n": methods(found, 0),
         "varied-zeta": varied(found, 1),

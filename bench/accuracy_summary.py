@@ -12,7 +12,7 @@ from accuracy_cases import GRID, PLANTS, TURNS, ZETAS, Case, about_the_plants
 from accuracy_runs import METHODS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from accuracy_runs import Heard
 
@@ -157,20 +157,33 @@ def goals(found: Found) -> str:
     return table(head, rows)
 
 
-def totals(found: Found) -> Iterator[str]:
-    """Over the whole grid, as sentences."""
+def totals(found: Found) -> str:
+    """`wave` over all these cases together."""
     every = [s for case in (*PLAIN, *GRID) if (s := summary(found.get(case.name, []), "wave"))]
     if not every:
-        return
+        return ""
     good, first = sum(s.good for s in every), np.concatenate([s.first for s in every])
-    for k, name in enumerate(NAMES):
-        covered = sum(s.covered[k] for s in every)
-        yield f"- `wave`, {name}: {good} answers, 95 % intervals cover {share(covered, good)} %"
-        yield f"  of the truths; first answers {share(sum(s.first_covered[k] for s in every), len(first))} %;"
-        yield f"  sd / bound {min(s.ratio[k] for s in every):.2f} to {max(s.ratio[k] for s in every):.2f};"
-        yield f"  largest bias {100 * max(abs(s.bias[k]) for s in every):.3f} %."
-    within = int(np.count_nonzero(first <= 2.0))
-    yield f"- First `ok` within two cycles from rest: {share(within, len(first))} % of the records."
+    rows = [
+        [
+            name,
+            str(good),
+            number(math.sqrt(sum(s.good * s.ratio[k] ** 2 for s in every) / good)),
+            f"{max(abs(s.bias[k]) for s in every) * 100:.3f}",
+            share(sum(s.covered[k] for s in every), good),
+            share(sum(s.first_covered[k] for s in every), len(first)),
+        ]
+        for k, name in enumerate(NAMES)
+    ]
+    head = [
+        "all together",
+        "answers",
+        "sd / bound",
+        "largest bias %",
+        "95 % interval covers %",
+        "and of first answers",
+    ]
+    within = share(int(np.count_nonzero(first <= 2.0)), sum(s.runs for s in every))
+    return table(head, rows) + f"\nA first `ok` within two cycles from rest: {within} % of the records.\n"
 
 
 def methods(found: Found, which: int) -> str:
