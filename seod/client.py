@@ -228,14 +228,23 @@ class Client:
         """End the excitation of an axis, or all; it goes back to where it stood."""
         return self.call("stop", axis=axis)
 
-    def drive(self, axis: str | None, volts: float, duration: float, stay: bool = False) -> Message:
+    def drive(
+        self,
+        axis: str | None,
+        volts: float,
+        duration: float,
+        stay: bool = False,
+        tones: Sequence[Sequence[float]] | None = None,
+    ) -> Message:
         """Put a voltage on an axis, open loop, for `duration` [s]; the guard stays, then it is held.
 
-        It is held where it began, or where it has come to (`stay`).
+        It is held where it began, or where it has come to (`stay`). With `tones`, [Hz, V, rad] each, their
+        sum takes the place of the steady voltage, clipped at `volts`; a position is held slowly meanwhile, a
+        speed axis is brought to its reference before.
 
         Returns at once; the `state` events tell when it is over. The axis must be idle.
         """
-        return self.call("drive", axis=axis, volts=volts, duration=duration, stay=stay)
+        return self.call("drive", axis=axis, volts=volts, duration=duration, stay=stay, tones=tones)
 
     def estop(self) -> Message:
         """Neutral at once; needs a reset afterwards."""

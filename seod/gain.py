@@ -1,4 +1,4 @@
-"""K_L in force: a number, or a function of the supply pressure (Eq. 9)."""
+"""K_L in force: a number, a function of the supply pressure (Eq. 9), or a guess until it is identified."""
 
 from __future__ import annotations
 
@@ -12,10 +12,22 @@ if TYPE_CHECKING:
     from seod.config.gain import GainModel
 
 
+def is_identified(config: float | GainModel) -> bool:
+    """Whether K_L is to be found by the excitation itself."""
+    return not isinstance(config, float | int) and config.identified is not None
+
+
+def needs_pressure(config: float | GainModel) -> bool:
+    """Whether K_L follows the supply pressure."""
+    return not isinstance(config, float | int) and config.identified is None
+
+
 def gain_of(config: float | GainModel) -> Callable[[float], float]:
     """K_L [axis unit/s/V] as a function of supply pressure [Pa]; nan in, nan out, but for a number."""
     if isinstance(config, float | int):
         return lambda _ps: config
+    if (guess := config.identified) is not None:
+        return lambda _ps: guess
     if config.table is not None:
         ps, K_L = config.table.ps, config.table.K_L
         return lambda p: interpolated(ps, K_L, p)
@@ -27,6 +39,8 @@ def gain_range(config: float | GainModel) -> tuple[float, float]:
     """Smallest and largest K_L [axis unit/s/V] that it can give (a polynomial's seen at 101 pressures)."""
     if isinstance(config, float | int):
         return config, config
+    if config.identified is not None:
+        return config.identified, config.identified
     if config.table is not None:
         return min(config.table.K_L), max(config.table.K_L)
     gain, (low, high) = gain_of(config), config.range or (0.0, 0.0)

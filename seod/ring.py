@@ -77,6 +77,8 @@ FLAG_LIMITED = 4
 """The guard clipped the command."""
 FLAG_SATURATED = 8
 """The sample lies where its sensor clips."""
+FLAG_SECOND_PHASE = 16
+"""The relay is in the second phase of two: each switch comes late."""
 
 
 def bin_edges_us() -> list[float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.gain import gain_range
+from seod.gain import gain_range, needs_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,12 +21,13 @@ def on_clock(rig: RigConfig) -> bool:
 def configured(axis: AxisConfig) -> dict[str, float]:
     """The settings that the loop keeps, as the rig file has them.
 
-    `K_L` is there where it is a number, `reference` and `trim` (0 or 1) in velocity mode.
+    `K_L` is there where it follows no pressure, `reference` and `trim` (0 or 1) in velocity mode.
     """
     relay = axis.relay
     settings = {"e_a": relay.e_a, "hysteresis": relay.hysteresis, "bias": relay.bias}
-    if isinstance(axis.K_L, float | int):
-        settings["K_L"] = axis.K_L
+    settings["two_phase"] = axis.two_phase
+    if not needs_pressure(axis.K_L):
+        settings["K_L"] = gain_range(axis.K_L)[0]
     if axis.mode == "velocity":
         settings |= {"reference": axis.reference or 0.0, "trim": axis.trim}
     return settings

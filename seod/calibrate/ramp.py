@@ -49,8 +49,9 @@ def step_of(e_a: float, estimates: Sequence[dict[str, Any]]) -> Step:
     """What the estimates at one amplitude say together.
 
     Neighbouring estimates share their window, so the mean is credited no more than the median's own sd.
+    Those that are good but for their dependence on e_a count: it is what the ramp is to show.
     """
-    good = [e for e in estimates if e["quality"] == "ok" and e["zeta"] is not None]
+    good = [e for e in estimates if _is_clean(e) and e["zeta"] is not None]
     share = len(good) / len(estimates) if estimates else 0.0
     if len(good) < 4:
         return Step(e_a, len(estimates), share, None, None, None, None, False)
@@ -64,6 +65,10 @@ def step_of(e_a: float, estimates: Sequence[dict[str, Any]]) -> Step:
         scatters.append(spread / float(values.mean()))
     clean = share >= CLEAN_SHARE and scatters[0] <= CLEAN_SCATTER
     return Step(e_a, len(estimates), share, means[0], sds[0], means[1], sds[1], clean)
+
+
+def _is_clean(estimate: dict[str, Any]) -> bool:
+    return estimate["quality"] == "ok" or estimate.get("e_a_dependence") is not None
 
 
 def smallest_clean(steps: Sequence[Step]) -> float | None:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from seod.calibrate.procedure import CalibrationError
 from seod.calibrate.recording import recording
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from seod.calibrate.recording import Recording
     from seod.client import Client
+
+T = TypeVar("T")
 
 REST_S = 0.25
 """Idle time after a drive, so that no movement of one is left in the next."""
 SILENCE_S = 15.0
 """A drive must be over, hold included, this long after its voltage."""
+ALIVE_S = 0.2
+"""So often the rig is told that somebody is there, for `guard.dead_man`."""
 REST_ROWS = 400
 MAX_TRIES = 3
 
@@ -35,6 +40,7 @@ class RemoteRig:
         self.axis = axis
         self.polarity: dict[str, Any] | None = None
         """The guard's `polarity` event; None while it has not pulsed."""
+        self._alive = -math.inf
         self._lost = 0
         """Messages that the daemon could not send, for this end did not read."""
         self._subscription = client.subscribe(["sample", "event"], [axis])
@@ -80,16 +86,35 @@ class RemoteRig:
         Raises:
             CalibrationError: The guard stopped it, or it does not end.
         """
+        return self._tried(recording, volts, duration, stay, None)
+
+    def excite(self, volts: float, duration: float, tones: Sequence[Sequence[float]]) -> list[dict[str, Any]]:
+        """Put out tones, [Hz, V, rad] each, their sum at most `volts` [V]; the samples while they were on.
+
+        Raises:
+            CalibrationError: The guard stopped it, or it does not end.
+        """
+        return self._tried(lambda _, kept: list(kept), volts, duration, False, tones)
+
+    def _tried(
+        self,
+        make: Callable[[Sequence[dict[str, Any]], Sequence[dict[str, Any]]], T],
+        volts: float,
+        duration: float,
+        stay: bool,
+        tones: Sequence[Sequence[float]] | None,
+    ) -> T:
         why = ""
         for _ in range(MAX_TRIES):
-            self.client.drive(self.axis, volts, duration, stay)
+            self.client.drive(self.axis, volts, duration, stay, tones)
             try:
-                return self._record(duration)
+                return make(*self._record(duration))
             except ValueError as error:
                 why = str(error)
         raise CalibrationError(f"{MAX_TRIES} drives of {volts:+.3g} V could not be recorded: {why}")
 
-    def _record(self, duration: float) -> Recording:
+    def _record(self, duration: float) -> tuple[Sequence[dict[str, Any]], Sequence[dict[str, Any]]]:
+        """Samples of the rest before a drive, and of the drive."""
         kept: list[dict[str, Any]] = []
         rest = deque(self._rest, maxlen=REST_ROWS)
         moved, idle_since, self._lost = False, None, 0
@@ -114,16 +139,21 @@ class RemoteRig:
     def _moved_unseen(self) -> bool:
         return self._lost > 0 and self.client.get(self.axis)["state"] in ("idle", "fault")
 
-    def _whole(self, rest: Sequence[dict[str, Any]], kept: Sequence[dict[str, Any]]) -> Recording:
+    def _whole(
+        self, rest: Sequence[dict[str, Any]], kept: Sequence[dict[str, Any]]
+    ) -> tuple[Sequence[dict[str, Any]], Sequence[dict[str, Any]]]:
         if self._lost:
             raise ValueError(f"{self._lost} samples were lost, for they were not taken in time")
-        return recording(rest, kept)
+        return rest, kept
 
     def _samples(self, timeout: float) -> Iterator[dict[str, Any]]:
         for message in self.client.notifications(timeout):
             params = message["params"]
             if message["method"] == "sample":
                 self._newest = params
+                if params["t"] - self._alive >= ALIVE_S:
+                    self._alive = params["t"]
+                    self.client.keepalive()
                 yield params
             elif message["method"] == "lost":
                 self._lost += params["lost"]

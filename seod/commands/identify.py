@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,14 +20,26 @@ def identify(
         Path | None, typer.Option(metavar="CONFIG", help="Rig file, whose values are shown beside.")
     ] = None,
     axis: Annotated[str | None, typer.Option(help="Of recordings and rig files with several.")] = None,
+    method: Annotated[
+        Literal["output_error", "wave", "exact", "peaks"],
+        typer.Option(help="Simulated output to the whole, or a live estimator on a relay's recording."),
+    ] = "output_error",
     gain: Annotated[
         float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
     ] = None,
     delay: Annotated[
-        float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
+        float | None,
+        typer.Option(metavar="S", min=0.0, help="Delay, if it is known; left out: it is estimated."),
     ] = None,
-    output: Annotated[Literal["position", "velocity"], typer.Option(help="What y is.")] = "position",
-    offset: Annotated[bool, typer.Option("--offset", help="A velocity y may have an offset.")] = False,
+    output: Annotated[
+        Literal["position", "velocity"] | None,
+        typer.Option(help="What y is. Default: by the rig file, else position."),
+    ] = None,
+    offset: Annotated[bool, typer.Option(help="A velocity y may have an offset.")] = True,
+    hold: Annotated[
+        Literal["zero", "first"],
+        typer.Option(help="Whether u holds until the next row or runs straight on to it."),
+    ] = "zero",
     columns: Annotated[
         str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
     ] = "",
@@ -41,11 +54,17 @@ def identify(
     from seod.identify.command import Wishes, run  # noqa: PLC0415
     from seod.identify.record import IdentifyError  # noqa: PLC0415
 
+    if gain is not None and (gain == 0.0 or not math.isfinite(gain)):
+        raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
+    if delay is not None and not math.isfinite(delay):
+        raise typer.BadParameter("must be a number", param_hint="--delay")
     with plain_errors():
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
-        wishes = Wishes(gain, delay, output, offset, columns, units, axis, as_json, plot)
+        if rig is not None and axis is None and len(rig.axes) > 1:
+            raise CommandError(f"{config} has the axes {', '.join(rig.axes)}: choose one by --axis")
+        wishes = Wishes(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
         try:
             show(run(paths, rig, wishes))
         except (ReadError, IdentifyError, OSError) as error:

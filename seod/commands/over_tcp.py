@@ -106,7 +106,7 @@ Assignments = Annotated[
     list[str],
     typer.Argument(
         metavar="[AXIS] NAME=VALUE...",
-        help="e_a, bias [V], hysteresis [axis unit], K_L, method; in velocity mode reference, trim=false.",
+        help="e_a, bias [V], hysteresis [axis unit], K_L, method, two_phase; with a speed reference, trim.",
         callback=_check_assignments,
     ),
 ]

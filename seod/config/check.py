@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from seod.config.busload import Bus, bits
 from seod.config.truth import truth
-from seod.gain import gain_range
+from seod.gain import gain_range, is_identified
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -162,11 +162,12 @@ def _simulated(config: RigConfig) -> Iterator[str]:
     if believed is not None and believed != simulation.watchdog_s:
         yield f"guard.rig_watchdog is {believed:g} s, simulation.watchdog_s is {simulation.watchdog_s:g} s"
     for name, plant in truth(config).items():
-        (low, high), gain = gain_range(config.axes[name].K_L), plant["K_L"]
+        believed_gain, gain = config.axes[name].K_L, plant["K_L"]
+        low, high = gain_range(believed_gain)
         if gain is None:
             yield f"axes.{name}: the simulated plant has no K_L: its supply cannot move its load"
         elif gain < 0:
             yield f"axes.{name} is wired the wrong way round to its simulated plant (scales below 0)"
-        elif not 0.99 * low <= gain <= 1.01 * high:
+        elif not is_identified(believed_gain) and not 0.99 * low <= gain <= 1.01 * high:
             K_L = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             yield f"axes.{name}.K_L is {K_L}, the simulated plant has {gain:g}: zeta will be off"

@@ -1,11 +1,11 @@
-"""Shapes of `K_L` in a rig file: a number, a table over supply pressure, or a polynomial in it (Eq. 9)."""
+"""Shapes of `K_L` in a rig file: a number, a function of supply pressure (Eq. 9), or `identified`."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from seod.config.section import FINITE, NON_NEGATIVE, POSITIVE, Section, quantity
 
@@ -31,7 +31,7 @@ class GainTable(Section):
 
 
 class GainModel(Section):
-    """A gain that depends on supply pressure: `table`, or `polynomial` with its `range`."""
+    """A gain that depends on supply pressure, `table` or `polynomial` with `range`, or is `identified`."""
 
     table: GainTable | None = None
     """Measured points."""
@@ -39,11 +39,14 @@ class GainModel(Section):
     """c0 + c1 ps + c2 ps^2 + ..., ps in Pa (Eq. 9: 4.25, 2.72e-6, -0.134e-12)."""
     range: tuple[Pressure, Pressure] | None = None
     """Pressures for which the polynomial holds; beyond them its value at the nearer end counts."""
+    identified: Annotated[float, NON_NEGATIVE] | None = None
+    """To be found by two-phase excitation; until then this first guess, 0 for limits.speed / relay.e_a."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
-        if (self.table is None) == (self.polynomial is None):
-            raise ValueError("needs either `table` or `polynomial`")
+        forms = (self.table, self.polynomial, self.identified)
+        if sum(form is not None for form in forms) != 1:
+            raise ValueError("needs one of `table`, `polynomial` and `identified`")
         if (self.polynomial is None) != (self.range is None):
             raise ValueError("`polynomial` and `range` belong together")
         if self.range is not None and self.range[0] >= self.range[1]:
@@ -51,10 +54,22 @@ class GainModel(Section):
         return self
 
 
+IDENTIFIED = "identified"
+"""What stands in the rig file for a gain of which nothing is known beforehand."""
+
+
 def _form(value: Any) -> str:
+    if value == IDENTIFIED:
+        return "word"
     return "model" if isinstance(value, dict | GainModel) else "number"
 
 
+_Word = Annotated[
+    GainModel, BeforeValidator(lambda _: {IDENTIFIED: 0.0}), WithJsonSchema({"const": IDENTIFIED})
+]
 Gain = Annotated[
-    Annotated[float, POSITIVE, Tag("number")] | Annotated[GainModel, Tag("model")], Discriminator(_form)
+    Annotated[float, POSITIVE, Tag("number")]
+    | Annotated[GainModel, Tag("model")]
+    | Annotated[_Word, Tag("word")],
+    Discriminator(_form),
 ]

@@ -6,16 +6,17 @@ A model sees only its own section. What concerns several (references, dimensions
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from seod.config.calibration import CalibrationConfig
-from seod.config.gain import Gain
+from seod.config.excitation import ExcitationConfig
+from seod.config.gain import Gain, GainModel
 from seod.config.section import (
     FINITE,
-    NON_NEGATIVE,
     POSITIVE,
+    Deviation,
     Hertz,
     Measured,
     Name,
@@ -28,6 +29,7 @@ from seod.config.section import (
     PositiveVoltage,
     Scale,
     Seconds,
+    SecondsDeviation,
     Section,
     Slew,
     Speed,
@@ -35,6 +37,7 @@ from seod.config.section import (
     quantity,
 )
 from seod.config.sensors import SensorConfig
+from seod.gain import gain_range, is_identified
 from sim.config import SimulationConfig
 
 CONFIG_VERSION = 1
@@ -77,19 +80,6 @@ class RelayConfig(Section):
     """Half-width: switches at e = +hysteresis and -hysteresis."""
     bias: Voltage = 0.0
     """Added behind the relay, against a valve null shift."""
-
-
-class ExcitationConfig(Section):
-    """When the relay is on."""
-
-    kind: Literal["continuous", "burst"] = "continuous"
-    """On until stopped, or in bursts with pauses."""
-    duration: Seconds = 0.5
-    """Length of a burst (the paper's 0.05-0.8 s)."""
-    pause: NonNegativeSeconds = 1.0
-    """Time between bursts, spent holding the position."""
-    entry: NonNegativeSeconds = 0.05
-    """The relay's amplitude rises from 0 to e_a in this time, at the start of each burst."""
 
 
 class HoldConfig(Section):
@@ -154,9 +144,9 @@ class EstimatorConfig(Section):
     """Cut-off of the low-pass of section 2.3(2), used by `peaks`."""
     delay: NonNegativeSeconds = 0.0
     """Known delay between a command's leaving and the valve's input, and of the sensor."""
-    K_L_sd: Annotated[float, NON_NEGATIVE] | None = None
-    """Standard deviation of K_L as it is known, for `wave` [as K_L]; left out: that of `calibration`."""
-    delay_sd: NonNegativeSeconds | None = None
+    K_L_sd: Deviation | None = None
+    """Standard deviation of K_L as it is known, [as K_L], or `unknown`; left out: that of `calibration`."""
+    delay_sd: SecondsDeviation | None = None
     """Likewise of `delay`. Neither there nor here: the value is taken as certain."""
 
 
@@ -170,7 +160,7 @@ class AxisConfig(Section):
     output: str
     """Name of its output under `outputs`."""
     K_L: Gain
-    """Gain [SI unit of the position per second and volt]: a number, or a function of supply pressure."""
+    """Gain [SI unit of the position per second and volt]: a number, or else as in `seod.config.gain`."""
     supply_pressure: str | None = None
     """Name of a sensor of pressure under `sensors`."""
     temperature: str | None = None
@@ -191,6 +181,24 @@ class AxisConfig(Section):
     estimator: EstimatorConfig = EstimatorConfig()
     calibration: CalibrationConfig | None = None
     """Written by `seod calibrate`."""
+
+    @property
+    def two_phase(self) -> bool:
+        """Whether the excitation begins with two phases."""
+        enabled = self.excitation.two_phase.enabled
+        return is_identified(self.K_L) if enabled is None else enabled
+
+    @model_validator(mode="after")
+    def _first_guess(self) -> Self:
+        """A gain of which nothing is known is at most what the relay may move the axis by without a fault.
+
+        So the hold, whose gain is the inverse, is slow at first but never unstable.
+        """
+        speed = self.limits.speed
+        if is_identified(self.K_L) and gain_range(self.K_L)[0] == 0.0 and speed is not None:
+            guess = GainModel(identified=speed / self.relay.e_a)
+            object.__setattr__(self, "K_L", guess)  # frozen for everyone else
+        return self
 
 
 class EstopConfig(Section):

@@ -12,7 +12,7 @@ from seod.config.gain import Gain, GainModel
 from seod.config.model import LimitsConfig, RelayConfig
 from seod.config.units import dimension_of, parse_quantity, units_of
 from seod.config.wiring import sensor_dimension
-from seod.gain import gain_range
+from seod.gain import gain_range, is_identified, needs_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,6 +45,7 @@ def check_modes(draft: Draft) -> Iterator[ConfigError]:
         yield from _sensor(draft, axis)
         yield from _conditions(draft, axis)
         yield from _keys(draft, axis)
+        yield from _identified(draft, axis)
         if is_velocity(draft, axis):
             yield from _reference(draft, axis)
         yield from _simulated(draft, axis)
@@ -92,7 +93,8 @@ def _conditions(draft: Draft, axis: str) -> Iterator[ConfigError]:
         elif sensor is not None and sensor.dimension != dimension:
             right = f"a sensor in one of {', '.join(units_of(dimension))}"
             yield draft.error(path, f"sensor {name!r} measures {sensor.dimension}", right)
-    if isinstance(gain(draft, axis), GainModel) and draft.raw("axes", axis, "supply_pressure") is None:
+    K_L = gain(draft, axis)
+    if K_L is not None and needs_pressure(K_L) and draft.raw("axes", axis, "supply_pressure") is None:
         right = "`supply_pressure:` with the name of a sensor of pressure"
         yield draft.error(("axes", axis, "K_L"), "depends on supply pressure, which no sensor tells", right)
 
@@ -121,6 +123,15 @@ def _keys(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.error(("axes", axis, "filter"), message, "leave it out")
 
 
+def _identified(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """Only one estimator tells K_L."""
+    K_L, path = gain(draft, axis), ("axes", axis, "estimator", "method")
+    asked = draft.raw("axes", axis, "excitation", "two_phase", "enabled") is True
+    if (asked or (K_L is not None and is_identified(K_L))) and draft.text(*path) not in (None, "wave"):
+        what = "two-phase excitation is for" if asked else "K_L is identified by"
+        yield draft.wrong(path, f"{what} the method `wave` alone", "`wave`, or leave it out")
+
+
 def _reference(draft: Draft, axis: str) -> Iterator[ConfigError]:
     """The speed, and standstill on the way there, lie within the limits; the output carries both."""
     path = ("axes", axis, "reference")
@@ -137,6 +148,10 @@ def _reference(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.wrong(path, f"must lie within limits.travel, {low:g} to {high:g}")
     relay, K_L = draft.section(RelayConfig, "axes", axis, "relay"), gain(draft, axis)
     if reference is None or relay is None or K_L is None:
+        return
+    if gain_range(K_L)[0] <= 0.0:
+        message = "velocity mode opens the valve by reference / K_L before anything is identified"
+        yield draft.error(("axes", axis, "K_L"), message, "a first guess: `K_L: {identified: 17}`")
         return
     volts = abs(reference) / gain_range(K_L)[0] + abs(relay.bias) + relay.e_a
     if volts > limits.output:

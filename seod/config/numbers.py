@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from seod.config.excitation import ExcitationConfig
 from seod.config.model import (
     EstimatorConfig,
-    ExcitationConfig,
     GuardConfig,
     HoldConfig,
     LimitsConfig,

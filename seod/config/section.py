@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+)
 
 from seod.config.errors import suggest
 from seod.config.units import UNITS, parse_quantity, units_of
@@ -60,6 +69,11 @@ PositiveSpeed = Annotated[float, *quantity("angular speed", "speed"), POSITIVE]
 PositiveAcceleration = Annotated[float, *quantity("angular acceleration", "acceleration"), POSITIVE]
 Seconds = Annotated[float, *quantity("time"), Field(gt=0, le=1e6)]
 NonNegativeSeconds = Annotated[float, *quantity("time"), Field(ge=0, le=1e6)]
+_Unknown = Annotated[Literal["unknown"], Tag("word")]
+_number_or_word = Discriminator(lambda value: "word" if value == "unknown" else "number")
+Deviation = Annotated[Annotated[float, NON_NEGATIVE, Tag("number")] | _Unknown, _number_or_word]
+"""A standard deviation of what is known beforehand, if anything is."""
+SecondsDeviation = Annotated[Annotated[NonNegativeSeconds, Tag("number")] | _Unknown, _number_or_word]
 Hertz = Annotated[float, *quantity("frequency"), POSITIVE]
 Scale = Annotated[float, FINITE, AfterValidator(_not_zero)]
 Unit = Annotated[str, AfterValidator(_known_unit), WithJsonSchema({"enum": [unit for unit in UNITS if unit]})]

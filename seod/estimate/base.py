@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from seod.estimate.levels import Dependence
+
 
 class Row(NamedTuple):
     """One tick of one axis, in SI units of the axis (rad or m, V, s).
@@ -34,6 +36,10 @@ class Row(NamedTuple):
     """Plant gain in force [axis unit/s/V]; nan: the one of the settings."""
     saturated: bool = False
     """The sample lies where its sensor clips."""
+    second: bool = False
+    """The relay is in the second phase of two: its switches come late on purpose."""
+    speed: float = math.nan
+    """Where speed is measured, and `y` stands for its integral: that speed [axis unit/s]."""
 
 
 QUALITIES = (
@@ -83,6 +89,8 @@ class Estimate:
     """Age of the window's middle when it ended [s]: so much the answer lags behind a drifting plant."""
     correlation: Mapping[str, float] | None = None
     """Of the estimated unknowns, by pairs: "zeta,omega_n" and, where they are free, "K_L" and "delay"."""
+    e_a_dependence: Dependence | None = None
+    """How it differs from the answer at another amplitude of the relay; not from the estimator."""
     advice: str | None = None
     """What a person should do about a quality that is not ok."""
 
@@ -102,8 +110,8 @@ class EstimatorSettings:
         lag_s: Time constant of the sensor's first-order lag [s]; `exact` and `wave` take it back.
         K_L_sd: How well K_L is known [axis unit/s/V]: 0 is certain, inf is not at all.
         delay_sd: Likewise the delay [s].
-        resolution: Step of the sensor [axis unit]; 0: fine.
-        integrated: The position is the integral of a measured speed, and so is its noise.
+        resolution: Step of the sensor [axis unit, or axis unit/s]; 0: fine.
+        integrated: `Row.y` is the integral of a measured speed, `Row.speed`, to which `wave` looks.
     """
 
     method: str

@@ -40,6 +40,8 @@ class CycleEstimator(ABC):
     """Fed row by row; a subclass measures each half cycle and solves for the plant."""
 
     method: ClassVar[str]
+    takes_second_phase: ClassVar[bool] = False
+    """Whether switches that come late on purpose tell it something."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self.settings = settings
@@ -61,6 +63,8 @@ class CycleEstimator(ABC):
             if self.record.has_begun:
                 self.reset()
             return None
+        if row.second and not self.takes_second_phase:
+            return self._pause(row)
         good = sound(row)
         if good is None:
             return None
@@ -71,6 +75,13 @@ class CycleEstimator(ABC):
         self._saturated |= good.saturated
         switch = self.record.take(good)
         return self._look() if switch is None else self._answer(switch)
+
+    def _pause(self, row: Row) -> Estimate | None:
+        """The relay is in its second phase: nothing can be said until the first is back and has settled."""
+        if not self.record.has_begun:
+            return None
+        self.reset()
+        return Estimate(row.t_u, self.method, "settling", advice=quality.SECOND_PHASE)
 
     def listen(self, row: Row) -> None:  # noqa: B027 (only some estimators look at each sample)
         """Take a row with a new sample."""
@@ -93,7 +104,7 @@ class CycleEstimator(ABC):
         return self._without_numbers(advice)
 
     def _without_numbers(self, advice: str) -> Estimate:
-        K_L = finite_or_none(self.record.K_L)
+        K_L = None if math.isinf(self.settings.K_L_sd) else finite_or_none(self.record.K_L)
         return Estimate(self.record.now, self.method, self._quality, K_L=K_L, advice=advice)
 
     def _state(self) -> str:

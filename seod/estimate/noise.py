@@ -47,28 +47,17 @@ class Noise:
 
 
 WHITE = Noise()
-INTEGRATED = Noise((1.0,))
-"""White noise of the speed, summed up by an integral of it."""
 
 
-def seen_in(residual: Array, base: Noise = WHITE) -> Noise:
-    """The noise of a residual of shape (n,): its outliers, and what colour it has beyond `base`."""
-    x = base.whiten(residual)
-    far = outliers(x)
+def seen_in(residual: Array) -> Noise:
+    """The noise of a residual of shape (n,): its outliers and its colour."""
+    far = outliers(residual)
     count = int(np.count_nonzero(far))
-    more = memory(np.where(far, 0.0, x) if count else x)
+    colour = memory(np.where(far, 0.0, residual) if count else residual)
     if not count:
-        return Noise(_both(base.memory, more))
-    touched = np.convolve(far, np.ones(len(more) + 1))[len(more) : len(far)] > 0.0
-    return Noise(_both(base.memory, more), ~touched, count)
-
-
-def _both(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
-    """One autoregression after the other."""
-    if not a or not b:
-        return a or b
-    product = np.convolve([1.0, *(-x for x in a)], [1.0, *(-x for x in b)])
-    return tuple((-product[1:]).tolist())
+        return Noise(colour)
+    touched = np.convolve(far, np.ones(len(colour) + 1))[len(colour) : len(far)] > 0.0
+    return Noise(colour, ~touched, count)
 
 
 def outliers(residual: Array) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""The plant of Eq. 1 in closed form: its free motion, and its position under a stepwise voltage."""
+"""The plant of Eq. 1 in closed form: its free motion, and its position or speed under a stepwise voltage."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from seod.estimate.motion_rates import rate_slopes, rates
 
 if TYPE_CHECKING:
     from seod.estimate.limit_cycle import Array
@@ -43,9 +45,9 @@ class Dynamics(NamedTuple):
 
 
 class Response(NamedTuple):
-    """Position of a plant of gain 1 [unit/K_L], and its derivatives, each of shape (n,)."""
+    """Position, or speed, of a plant of gain 1 [unit/K_L], and its derivatives, each of shape (n,)."""
 
-    position: Array
+    output: Array
     by_omega_n: Array
     """By the logarithm of omega_n; likewise `by_zeta`."""
     by_zeta: Array
@@ -119,52 +121,55 @@ class StepwiseVoltage:
         t_u: When each voltage began [s], rising; the first not after the first sample.
         u: Voltages [V].
         t: Sample times [s], rising.
+        speed: Speed is measured, not position.
     """
 
-    def __init__(self, t_u: Array, u: Array, t: Array) -> None:
+    def __init__(self, t_u: Array, u: Array, t: Array, speed: bool = False) -> None:
+        self.speed = speed
         changed = np.flatnonzero(np.diff(u, prepend=np.nan) != 0.0)
         self.t_u, self.u, self.t = t_u[changed], u[changed], t
         self.held = np.diff(self.t_u)
         self.jumps = np.diff(self.u).tolist()
         self.travelled = np.concatenate(([0.0], np.cumsum(self.u[:-1] * self.held)))
 
-    def position(self, plant: Dynamics) -> Array:
-        """Position of a plant of gain 1 at the sample times [unit/K_L].
+    def output(self, plant: Dynamics) -> Array:
+        """Position of a plant of gain 1 at the sample times [unit/K_L], or its speed [unit/s/K_L].
 
-        It is right but for a constant, a ramp and a free motion: what a free initial state takes up.
+        It is right but for a constant, a ramp and free motion: what a free initial state takes up.
         """
         place, tau = self._place(plant.delay)
+        motions, u = self._motions(plant, tau), self.u[place]
         course = self._course(plant)
-        return self._sum(course, place, self.u[place] * tau, self._motions(plant, tau))
+        if self.speed:
+            return self._sum(course, place, u, rates(plant, motions))
+        return self._sum(course, place, u * tau, motions)
 
-    def velocity(self, plant: Dynamics) -> Array:
-        """Velocity of a plant of gain 1, no sensor lag; right but for a constant and a free motion."""
-        place, tau = self._place(plant.delay)
-        course = self._course(plant._replace(lag=0.0))
-        cosine, sine = free_motion(plant, tau)
-        alpha, beta, back = course.alpha[place], course.beta[place], plant.sigma
-        rest = alpha * (-back * cosine - plant.omega_d_squared * sine) + beta * (cosine - back * sine)
-        return np.asarray(self.u[place] + rest)
+    def free(self, plant: Dynamics, tau: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        """What is measured of the plant's two free motions at the times `tau` [s], and its `free_slopes`."""
+        free = free_motion(plant, tau)
+        slopes = free_slopes(plant, tau, free)
+        return (rates(plant, free), rate_slopes(plant, free, slopes)) if self.speed else (free, slopes)
 
     def response(self, plant: Dynamics) -> Response:
-        """`position` with its derivatives."""
+        """What is measured, with its derivatives; right but for what a free initial state takes up."""
         place, tau = self._place(plant.delay)
         course = self._course(plant)
         motions = self._motions(plant, tau)
-        cosine, sine = motions[:2]
-        alpha, beta, u = course.alpha[place], course.beta[place], self.u[place]
-        slopes = free_slopes(plant, tau, (cosine, sine))
+        slopes = free_slopes(plant, tau, (motions[0], motions[1]))
+        changes = rates(plant, motions)
+        u, rest = self.u[place], self.u[place] * tau
+        if self.speed:
+            slopes = rate_slopes(plant, (motions[0], motions[1]), slopes)
+            motions, changes = changes, rates(plant, changes)
+            u, rest = np.zeros_like(u), u
+        alpha, beta = course.alpha[place], course.beta[place]
         omega_n = self._difference(plant, _STEP, 0.0)
         zeta = self._difference(plant, 0.0, _STEP)
-        back = plant.sigma
-        velocity = u + alpha * (-back * cosine - plant.omega_d_squared * sine) + beta * (cosine - back * sine)
-        if plant.lag > 0.0:
-            velocity -= course.left[place] * motions[2] / plant.lag
         return Response(
-            position=self._sum(course, place, u * tau, motions),
+            output=self._sum(course, place, rest, motions),
             by_omega_n=self._sum(omega_n, place, alpha * slopes[0] + beta * slopes[2], motions),
             by_zeta=self._sum(zeta, place, alpha * slopes[1] + beta * slopes[3], motions),
-            by_delay=-velocity,
+            by_delay=-u - _motion(course, place, changes),
         )
 
     def _place(self, delay: float) -> tuple[Array, Array]:
@@ -178,10 +183,8 @@ class StepwiseVoltage:
         return (*free, np.exp(-tau / plant.lag)) if plant.lag > 0.0 else free
 
     def _sum(self, course: _Course, place: Array, rest: Array, motions: tuple[Array, ...]) -> Array:
-        total: Array = course.steady[place] + rest
-        for factors, motion in zip(course[1:], motions, strict=False):
-            total += factors[place] * motion
-        return total
+        steady = 0.0 if self.speed else course.steady[place]
+        return np.asarray(steady + rest + _motion(course, place, motions))
 
     def _difference(self, plant: Dynamics, omega_n: float, zeta: float) -> _Course:
         """Derivative of the course by a logarithm: these steps forth and back, divided by their sum."""
@@ -228,6 +231,12 @@ class StepwiseVoltage:
         for decay, jump in zip(np.exp(-self.held / plant.lag).tolist(), jumps.tolist(), strict=True):
             left.append(left[-1] * decay + jump)
         return np.array(left)
+
+
+def _motion(course: _Course, place: Array, motions: tuple[Array, ...]) -> Array:
+    """What a course has of the free motions, or of their time derivatives, at the samples."""
+    parts = (factors[place] * motion for factors, motion in zip(course[1:], motions, strict=False))
+    return np.asarray(sum(parts))
 
 
 def _lagged(plant: Dynamics, alpha: Array, beta: Array) -> tuple[Array, Array]:

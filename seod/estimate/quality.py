@@ -26,6 +26,7 @@ ONCE_SETTLED: Final = 4.0
 
 STANDS: Final = "the actuator does not move: raise e_a (friction or deadband), check supply and output"
 DRIFTS: Final = "the position runs one way and the relay does not turn it: raise e_a, check bias and polarity"
+SECOND_PHASE: Final = "the relay is in its second phase: wait, or take `wave`, which looks at both"
 ADVICE: Final[dict[str, str]] = {
     "settling": "wait: successive cycles do not agree yet",
     "no_oscillation": (

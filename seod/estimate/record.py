@@ -95,7 +95,7 @@ class Record:
         if not self.has_begun:
             self.reference, self.e_a = row.reference, row.e_a
             self.switched = row.t_u
-            self.gains.append(self._gain(row))
+            self.gains.append(self.gain_of(row))
         self.now, self.bias = row.t_u, row.bias
         self._add_sample(row)
         drive = row.u - row.bias
@@ -104,7 +104,7 @@ class Record:
         up = drive > 0.0
         if up is not self._up:
             self._up, self.switched = up, row.t_u
-            self.gains.append(self._gain(row))
+            self.gains.append(self.gain_of(row))
         switch = self._tracker.update(row.t, row.t_u + self._settings.delay_s, up)
         if switch:
             self._half = switch.t - self.switches[-1].t if self.switches else 0.0
@@ -116,7 +116,8 @@ class Record:
         """Gain in force in the window [axis unit/s/V]."""
         return fmean(self.gains) if self.gains else self._settings.K_L
 
-    def _gain(self, row: Row) -> float:
+    def gain_of(self, row: Row) -> float:
+        """In force at a row [axis unit/s/V]; that of the settings where the row does not tell."""
         return row.K_L if 0.0 < row.K_L < _LARGEST else self._settings.K_L
 
     def since(self, t: float) -> int:

@@ -13,7 +13,9 @@ import numpy as np
 from seod.estimate import quality
 from seod.estimate.base import finite_or_none
 from seod.estimate.cycle import CycleEstimator, Solution
+from seod.estimate.gain_course import under_one_gain
 from seod.estimate.inversion import Measured, Plant, describing_function
+from seod.estimate.phases import Phases
 from seod.estimate.plant_response import StepwiseVoltage
 from seod.estimate.wave_answer import Answer
 from seod.estimate.wave_fit import Known, Window, fit
@@ -41,13 +43,15 @@ class WaveEstimator(CycleEstimator):
     """The switches say when to answer and how far back to look; the fit needs no settled limit cycle."""
 
     method: ClassVar[str] = "wave"
+    takes_second_phase: ClassVar[bool] = True
 
     def reset(self) -> None:
         """Forget everything."""
         super().reset()
         self._clips = deque(maxlen=self.window)
         self._samples: list[tuple[float, float]] = []
-        self._voltages: list[tuple[float, float]] = []
+        self._voltages: list[tuple[float, float, float]] = []
+        self._phases = Phases()
         self._length = 0
         self._lost = 0
         self._newest: Answer | None = None
@@ -60,12 +64,14 @@ class WaveEstimator(CycleEstimator):
         return estimate
 
     def _apply(self, row: Row) -> None:
+        self._phases.note(row.t_u, row.second)
         if not self._voltages or abs(row.u - self._voltages[-1][1]) > SAME_VOLTAGE * row.e_a:
-            self._voltages.append((row.t_u, row.u))
+            self._voltages.append((row.t_u, row.u, self.record.gain_of(row)))
 
     def listen(self, row: Row) -> None:
         """Take a row with a new sample."""
-        self._samples.append((row.t, row.y))
+        if math.isfinite(measured := row.speed if self.settings.integrated else row.y):
+            self._samples.append((row.t, measured))
         if len(self._samples) > MOST_SAMPLES:
             del self._samples[: MOST_SAMPLES // 2]
             self._forget_voltages()
@@ -108,7 +114,7 @@ class WaveEstimator(CycleEstimator):
         if answer is not None and answer.is_in_range and not answer.is_nonlinear:
             self._lost = 0
         else:
-            starts = self._starts(window.y)[: 1 if self._lost % ALL_STARTS else None]
+            starts = self._starts()[: 1 if self._lost % ALL_STARTS else None]
             self._lost += 1
             others = (self._answer_from(window, start) for start in starts)
             answers = [each for each in (answer, *others) if each]
@@ -117,12 +123,14 @@ class WaveEstimator(CycleEstimator):
 
     def _answer_from(self, window: Window, start: Plant, delay: float | None = None) -> Answer | None:
         found = fit(window, start.omega_n, start.zeta, delay)
-        return Answer.of(window, found, self._period()) if found and found.converged else None
+        if found is None or not found.converged:
+            return None
+        return Answer.of(window, found, self._period(), self._phases.alike(window.t[0], self.record.switches))
 
-    def _starts(self, y: Array) -> list[Plant]:
+    def _starts(self) -> list[Plant]:
         """The plant by frequency and amplitude and, as these tell little at first, by frequency alone."""
         half, lag = 0.5 * self._period(), max(self.settings.delay_s, 0.5 * self.settings.period_s)
-        V_s = 0.5 * float(np.ptp(y))
+        V_s = 0.5 * float(np.ptp(self.record.samples)) if self.record.samples else 0.0
         if not half * V_s > 0.0:
             return []
         measured = Measured(half, half, lag, lag, V_s)
@@ -134,12 +142,12 @@ class WaveEstimator(CycleEstimator):
         switches = self.record.switches
         if self._length < len(switches):
             begin = switches[-1 - self._length].t
-            del self._samples[: bisect_left(self._samples, (begin, -math.inf))]
+            del self._samples[: bisect_left(self._samples, (begin,))]
         self._forget_voltages()
 
     def _forget_voltages(self) -> None:
         first = self._samples[0][0] if self._samples else math.inf
-        count = bisect_left(self._voltages, (first - self._longest_delay(), -math.inf))
+        count = bisect_left(self._voltages, (first - self._longest_delay(),))
         del self._voltages[: max(count - 1, 0)]
 
     def _longest_delay(self) -> float:
@@ -157,22 +165,22 @@ class WaveEstimator(CycleEstimator):
         """What is to be fitted; None where it holds too little."""
         if not self._samples or not self._voltages:
             return None
-        t_u, u = np.array(self._voltages).T
+        t_u, u, gains = np.array(self._voltages).T
         t, y = np.array(self._samples).T
         inside = t >= t_u[0] + self._longest_delay()
         t, y = t[inside], y[inside]
         if len(t) < 2:
             return None
+        t_u, u, K_L = under_one_gain(t_u, u, gains, 0.5 * float(t[0] + t[-1]))
         known = self.settings
         return Window(
             t=t,
             y=y,
-            voltage=StepwiseVoltage(t_u, u, t),
-            K_L=Known(self.record.K_L, known.K_L_sd),
+            voltage=StepwiseVoltage(t_u, u, t, known.integrated),
+            K_L=Known(K_L, known.K_L_sd),
             delay=Known(known.delay_s, known.delay_sd),
             lag=known.lag_s,
             resolution=known.resolution,
-            integrated=known.integrated,
         )
 
     def _fitness(self, solution: Solution, t: Array, y: Array) -> float | None:  # noqa: ARG002

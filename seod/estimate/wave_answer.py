@@ -15,12 +15,15 @@ from seod.estimate.wave_fit import NAMES
 
 if TYPE_CHECKING:
     from seod.estimate.limit_cycle import Array
+    from seod.estimate.phases import Stretch
     from seod.estimate.wave_fit import Fit, Window
 
 FLOOR: Final = 1e-5
 """No sensor, clock or output is better than this part of the amplitude."""
 CHANGED: Final = 18.0
 """Chi-square of two degrees above which the plant has changed within the window: once in 8000 of noise."""
+DRIFTS: Final = 6.0
+"""The same, above which it may have, once in ten of noise: a fit of both parts is less sure than it says."""
 SUSPECT: Final = 0.01
 """Chance below which what repeats is believed, and widens the standard deviations."""
 SURE: Final = 1e-4
@@ -53,33 +56,41 @@ class Answer:
     step: float
 
     @classmethod
-    def of(cls, window: Window, fit: Fit, period: float) -> Answer:
-        """Judge the residual of a fit by the limit cycle's period [s]."""
+    def of(cls, window: Window, fit: Fit, period: float, alike: Stretch | None = None) -> Answer:
+        """Judge a fit's residual by the limit cycle's period [s], or where it is not one, cycles `alike`."""
         newest = slice(int(np.searchsorted(window.t, window.t[-1] - period)), None)
-        x = window.noise.whiten(fit.residual)
-        repeats = misfit(window.t[-len(x) :], x, period)
-        motion = window.noise.whiten(window.y - fit.residual)[newest]
+        among = slice(None) if alike is None else slice(*np.searchsorted(window.t, alike[:2]))
+        repeats = misfit(window.t[among], fit.residual[among], period if alike is None else alike.period)
+        motion = (window.y - fit.residual)[newest]
         finest = FLOOR * float(np.ptp(motion)) / max(fit.noise * fit.colour, 1e-300)
-        step = 0.0 if window.integrated else max(window.resolution, steps_of(window.y))
+        step = max(window.resolution, steps_of(window.y))
         cycles = float(window.t[-1] - window.t[0]) / period
-        counts = math.sqrt(1.0 + max(cycles - 1.0, 0.0) * repeating_counts(step, fit.noise))
+        # counts that repeat do so mirrored in the other half cycle: no more independent than half of one
+        counts = math.sqrt(1.0 + max(2.0 * cycles - 1.0, 0.0) * repeating_counts(step, fit.noise))
         seen = math.sqrt(repeats.excess) if repeats.chance < SUSPECT else 1.0
         return cls(window, fit, newest, repeats, max(1.0, finest, seen, counts), step)
 
     @property
     def model(self) -> Array:
-        """The position of the newest cycle as the fit says it."""
+        """The position, or the speed, of the newest cycle as the fit says it."""
         return np.asarray((self.window.y - self.fit.residual)[self.newest])
 
     @property
     def amplitude(self) -> float:
         """Half the peak-to-peak position of the newest cycle [unit]."""
-        return 0.5 * float(np.ptp(self.model))
+        model = self.model
+        if self.window.voltage.speed and len(model) > 1:
+            swing = model - np.linspace(model[0], model[-1], len(model))  # about a speed that may change
+            means = 0.5 * (swing[1:] + swing[:-1]) - np.mean(swing)
+            model = np.cumsum(means * np.diff(self.window.t[self.newest]))
+        return 0.5 * float(np.ptp(model))
 
     @property
     def mean_speed(self) -> float:
         """Over the newest cycle [unit/s]."""
         t, model = self.window.t[self.newest], self.model
+        if self.window.voltage.speed:
+            return float(np.mean(model))
         return float((model[-1] - model[0]) / (t[-1] - t[0])) if len(t) > 1 else 0.0
 
     @property
@@ -93,8 +104,7 @@ class Answer:
     @property
     def misfit(self) -> float:
         """What repeats, as a part of the motion (effective values)."""
-        motion = self.window.noise.whiten(self.model)
-        return self.repeats.size / max(float(np.std(motion)), 1e-300)
+        return self.repeats.size / max(float(np.std(self.model)), 1e-300)
 
     @property
     def is_nonlinear(self) -> bool:
@@ -120,7 +130,8 @@ class Answer:
 
     def sd(self, name: str) -> float:
         """Standard deviation of one of `NAMES`."""
-        return self.widened * self.fit.sd(name)
+        drift = self.fit.changed / (DRIFTS * self.widened**2)
+        return self.widened * math.sqrt(max(1.0, drift)) * self.fit.sd(name)
 
     @property
     def correlation(self) -> dict[str, float]:

@@ -1,6 +1,6 @@
-"""Maximum likelihood of the plant's parameters, given the voltages applied and the positions measured.
+"""Maximum likelihood of the plant, given the voltages applied and the positions, or speeds, measured.
 
-Position is linear in the gain, in the free initial state and in the ramp of a load bias or a drifting sensor;
+Both are linear in the gain, in the free initial state and in the ramp of a load bias or a drifting sensor;
 what is left to search are omega_n, zeta and, where it is unknown, the delay.
 """
 
@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.estimate.noise import INTEGRATED, WHITE, seen_in
+from seod.estimate.noise import WHITE, seen_in
 from seod.estimate.wave_search import DELAY, OMEGA_N, ZETA, Search
 
 if TYPE_CHECKING:
     from seod.estimate.limit_cycle import Array
-    from seod.estimate.noise import Noise
     from seod.estimate.plant_response import StepwiseVoltage
 
 
@@ -47,13 +46,12 @@ class Window:
 
     Attributes:
         t: Sample times [s], rising, shape (n,).
-        y: Positions [unit], shape (n,).
-        voltage: What was applied, seen from `t`.
+        y: Positions [unit] or speeds [unit/s], shape (n,).
+        voltage: What was applied, seen from `t`; it knows which of both `y` is.
         K_L: Gain [unit/s/V].
         delay: Beyond the times of `voltage` [s].
         lag: Time constant of the sensor [s].
-        resolution: Step of the sensor [unit]; 0: unknown or fine.
-        integrated: `y` is the integral of a measured speed, and so is its noise.
+        resolution: Step of the sensor, in the unit of `y`; 0: unknown or fine.
     """
 
     t: Array
@@ -63,12 +61,6 @@ class Window:
     delay: Known = EXACTLY_ZERO
     lag: float = 0.0
     resolution: float = 0.0
-    integrated: bool = False
-
-    @property
-    def noise(self) -> Noise:
-        """What is known of the noise beforehand."""
-        return INTEGRATED if self.integrated else WHITE
 
 
 NAMES: Final = ("omega_n", "zeta", "K_L", "delay")
@@ -84,10 +76,10 @@ class Fit:
         K_L: [unit/s/V].
         delay: [s].
         covariance: Of omega_n, zeta, K_L and delay in this order and these units; what is certain has zeros.
-        noise: Standard deviation of the measurement's noise [unit].
+        noise: Standard deviation of the measurement's noise, in the unit of `Window.y`.
         colour: By how much the noise's correlation narrowed what is left of it, 1 for white noise.
         rejected: Samples that were left out as outliers.
-        residual: Measured minus fitted [unit], shape (n,).
+        residual: Measured minus fitted, shape (n,).
         converged: The search came to its end.
         changed: How significantly omega_n and zeta changed within the window: chi-square of two degrees.
         changed_at: Part of the window before that change.
@@ -137,11 +129,11 @@ def fit(window: Window, omega_n: float, zeta: float, delay: float | None = None)
 
 def _searched(window: Window, start: Array) -> Search:
     """The end of the search, made again where its residual shows colour, outliers or what priors count."""
-    search = Search(window, window.noise)
+    search = Search(window, WHITE)
     search.run(start)
-    noise = seen_in(search.here.residual, window.noise)
+    noise = seen_in(search.here.residual)
     priors = window.K_L.precision + window.delay.precision > 0.0
-    if noise.memory == window.noise.memory and not noise.rejected and not priors:
+    if not noise.memory and not noise.rejected and not priors:
         return search
     again = Search(window, noise, search.sigma)
     again.run(search.here.theta if search.converged else start)
@@ -150,10 +142,10 @@ def _searched(window: Window, start: Array) -> Search:
 
 def _answer(search: Search) -> Fit | None:
     """In the field's units; None where it is none."""
-    window, here = search.window, search.here
+    here = search.here
     omega_n, zeta = math.exp(here.theta[OMEGA_N]), math.exp(here.theta[ZETA])
     covariance = _covariance(search) * np.outer(*[np.array([omega_n, zeta, 1.0, 1.0])] * 2)
-    plain = float(np.std(window.noise.whiten(here.residual)))
+    plain = float(np.std(here.residual))
     if not np.all(np.isfinite(covariance)) or np.any(covariance.diagonal() < 0.0) or not math.isfinite(plain):
         return None
     changed, changed_at = search.change()

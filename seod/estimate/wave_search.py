@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.estimate.plant_response import Dynamics, Response, free_motion, free_slopes
+from seod.estimate.plant_response import Dynamics, Response
 
 if TYPE_CHECKING:
     from seod.estimate.limit_cycle import Array
@@ -28,7 +28,7 @@ LONGEST_STEP: Final = 0.5
 EXACT: Final = 1e-10
 """Relative step below which rounding is all that is left."""
 ROUNDING: Final = 1e-12
-"""Size, as a part of the largest, of a column that whitening took away, as the constant of an integral."""
+"""Size, as a part of the largest, of a column that whitening took away, as that of a constant."""
 SPLITS: Final = (0.5, 0.75)
 """Parts of the window after which the plant may have changed."""
 
@@ -71,7 +71,8 @@ class Search:
     def __init__(self, window: Window, noise: Noise, sigma: float | None = None) -> None:
         self.window, self.noise = window, noise
         self.since = window.t - window.t[0]
-        self.course = np.stack([np.ones_like(self.since), self.since / self.since[-1]])
+        ones, ramp = np.ones_like(self.since), self.since / self.since[-1]
+        self.course = np.stack([ones] if window.voltage.speed else [ones, ramp])
         self.searched = [OMEGA_N, ZETA] if window.delay.certain else [OMEGA_N, ZETA, DELAY]
         self.sigma_before = _roughness(noise.whiten(window.y)) if sigma is None else sigma
         self.converged = False
@@ -105,13 +106,13 @@ class Search:
         window = self.window
         plant = Dynamics(math.exp(theta[OMEGA_N]), math.exp(theta[ZETA]), float(theta[DELAY]), window.lag)
         response = window.voltage.response(plant)
-        free = free_motion(plant, self.since)
+        free, free_slopes = window.voltage.free(plant, self.since)
         columns = self.columns(plant, response, free)
-        target = window.y - window.K_L.value * response.position if window.K_L.certain else window.y
+        target = window.y - window.K_L.value * response.output if window.K_L.certain else window.y
         white_columns, white_target = self.noise.whiten(columns), self.noise.whiten(target)
         weights, white = self.linear(white_columns, white_target)
         gain = window.K_L.value if window.K_L.certain else float(weights[0])
-        slopes = self.slopes(plant, response, free, gain, weights)
+        slopes = self.slopes(plant, response, free_slopes, gain, weights)
         jacobian = np.concatenate([self.noise.whiten(slopes), white_columns])
         precision, pull = self.priors(theta, gain, len(jacobian))
         return Point(
@@ -126,13 +127,16 @@ class Search:
             cost=float(white @ white) + self.surprise(theta, gain),
         )
 
-    def columns(self, plant: Dynamics, response: Response, free: tuple[Array, Array]) -> Array:
-        """What the position is linear in: gain if free, constant, ramp, free motions of plant and sensor."""
+    def columns(self, plant: Dynamics, response: Response, free: tuple[Array, ...]) -> Array:
+        """What a position is linear in: gain if free, constant, ramp, free motions of plant and sensor.
+
+        A speed has no ramp.
+        """
         rows = [*self.course, free[0], free[1] * plant.omega_n]
         if plant.lag > 0.0:
             rows.append(np.exp(-self.since / plant.lag))
         if not self.window.K_L.certain:
-            rows.insert(0, response.position)
+            rows.insert(0, response.output)
         return np.stack(rows)
 
     def linear(self, a: Array, b: Array) -> tuple[Array, Array]:
@@ -148,12 +152,11 @@ class Search:
         return weights, left
 
     def slopes(
-        self, plant: Dynamics, response: Response, free: tuple[Array, Array], gain: float, weights: Array
+        self, plant: Dynamics, response: Response, by: tuple[Array, ...], gain: float, weights: Array
     ) -> Array:
-        """Derivatives of the position by the searched unknowns, but for what the linear ones take up."""
-        place = 2 if self.window.K_L.certain else 3
+        """Derivatives of what is measured by the searched unknowns, but for what the linear ones take up."""
+        place = len(self.course) + (not self.window.K_L.certain)
         c, s = weights[place], weights[place + 1] * plant.omega_n
-        by = free_slopes(plant, self.since, free)
         rows = [
             gain * response.by_omega_n + c * by[0] + s * by[2],
             gain * response.by_zeta + c * by[1] + s * by[3],

@@ -7,10 +7,12 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from seod.estimate import levels
 from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, EstimatorSettings, Row, finite_or_none
-from seod.gain import gain_range
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, AxisState
+from seod.gain import gain_range, is_identified
+from seod.gateway.messages import message
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_SATURATED, FLAG_SECOND_PHASE, AxisState
 from seod.settings import configured
 
 if TYPE_CHECKING:
@@ -19,12 +21,13 @@ if TYPE_CHECKING:
     from seod.config.calibration import CalibratedValue
     from seod.config.model import AxisConfig
     from seod.estimate.base import Estimator
+    from seod.gateway.messages import RowTuple
 
-RowTuple = tuple[float, float, float, float, float, float, float, float, float, float, float, int, int]
-"""One axis of a row in the order of `seod.ring.AXIS_FIELDS`, then state and flags."""
-
-LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "reference", "trim")
+LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "two_phase", "reference", "trim")
 """Settings that the loop keeps, too; the others are the estimator's alone."""
+
+INCOMPARABLE = frozenset({"method", "K_L", "reference", "two_phase"})
+"""Settings whose change makes answers at other amplitudes those of another question."""
 
 _STATE_SETTLES_S = 0.1
 """A row this much newer than the last state event is believed where the two differ: an event was lost."""
@@ -70,14 +73,19 @@ class Axis:
     fault: dict[str, Any] | None = None
     estimate: Estimate | None = None
     stale: bool = False
+    second_phase: dict[str, float] | None = None
+    """Of the relay, as the loop told it; None for none."""
     _state_t: float = -math.inf
     _running: tuple[bool, float] = (False, 0.0)
     _mean: CycleMean = field(default_factory=CycleMean)
+    _levels: levels.Levels = field(default_factory=levels.Levels)
     _velocity: bool = field(init=False)
+    _identified: bool = field(init=False)
     _estimator: Estimator = field(init=False)
 
     def __post_init__(self) -> None:
         self._velocity = self.config.mode == "velocity"
+        self._identified = is_identified(self.config.K_L)
         self.settings = {**self._configured(), "method": self.config.estimator.method}
         self._estimator = self.make(self._estimator_settings())
 
@@ -85,27 +93,31 @@ class Axis:
         """The loop's settings; K_L is null where it follows the supply pressure."""
         settings: dict[str, Any] = configured(self.config)
         settings.setdefault("K_L", None)
-        return settings | {"trim": bool(settings["trim"])} if "trim" in settings else settings
+        return settings | {key: bool(settings[key]) for key in ("two_phase", "trim") if key in settings}
 
     def _estimator_settings(self) -> EstimatorSettings:
-        estimator = self.config.estimator
+        estimator, phases = self.config.estimator, self.config.excitation.two_phase
+        two_phase = self.settings["two_phase"]
+        free = two_phase or self._identified
         return EstimatorSettings(
             method=self.settings["method"],
             K_L=self.settings["K_L"] or sum(gain_range(self.config.K_L)) / 2.0,
             hysteresis=self.settings["hysteresis"],
             delay_s=estimator.delay,
             period_s=self.period_s,
-            cycles=estimator.cycles,
+            cycles=max(estimator.cycles, 2 * phases.cycles) if two_phase else estimator.cycles,
             lowpass_hz=estimator.lowpass,
             lag_s=self.lag_s,
-            K_L_sd=self._known_to(estimator.K_L_sd, "K_L"),
-            delay_sd=self._known_to(estimator.delay_sd, "delay"),
-            resolution=0.0 if self._velocity else self.resolution,
+            K_L_sd=math.inf if free else self._known_to(estimator.K_L_sd, "K_L"),
+            delay_sd=math.inf if two_phase else self._known_to(estimator.delay_sd, "delay"),
+            resolution=self.resolution,
             integrated=self._velocity,
         )
 
-    def _known_to(self, sd: float | None, name: Literal["K_L", "delay"]) -> float:
+    def _known_to(self, sd: float | Literal["unknown"] | None, name: Literal["K_L", "delay"]) -> float:
         """The standard deviation that the rig file gives for a value, or else its calibration's."""
+        if sd == "unknown":
+            return math.inf
         calibration = self.config.calibration
         if sd is not None or calibration is None:
             return sd or 0.0
@@ -118,6 +130,10 @@ class Axis:
         if not changed:
             return
         self.settings.update(changed)
+        if changed.keys() == {"K_L"} and self._identified and self.settings["method"] == "wave":
+            return  # it is the estimator's own
+        if not INCOMPARABLE.isdisjoint(changed):
+            self._levels = levels.Levels()
         self._estimator = self.make(self._estimator_settings())
 
     def interrupted(self) -> None:
@@ -143,7 +159,7 @@ class Axis:
                 raise
             self._mean.add(row, values[1])
             if answer is not None and self.fault is None:
-                self.estimate = self._with_conditions(answer, values)
+                self.estimate = self._at_its_level(row.e_a, self._with_conditions(answer, values))
                 answers.append(self.estimate)
         self.stale = False
         return answers
@@ -151,23 +167,32 @@ class Axis:
     def _row(self, values: RowTuple) -> Row:
         """The row as estimators know it: in velocity mode the relay's input stands for the position."""
         t, y, reference, u, t_u, e_a, bias, signal, _, _, K_L, _, flags = values
+        speed = math.nan
         if self._velocity:
-            y, reference = -signal, 0.0
+            speed, y, reference = y, -signal, 0.0
         exciting, fresh = bool(flags & FLAG_EXCITING), bool(flags & FLAG_FRESH)
-        saturated = bool(flags & FLAG_SATURATED)
-        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated)
+        saturated, second = bool(flags & FLAG_SATURATED), bool(flags & FLAG_SECOND_PHASE)
+        K_L = math.nan if self._identified else K_L  # what is put in force is no change of the plant
+        return Row(t, y, u, t_u, reference, e_a, bias, exciting, fresh, K_L, saturated, second, speed)
 
     def _with_conditions(self, answer: Estimate, values: RowTuple) -> Estimate:
         """The answer with what the loop measured beside it; in velocity mode with the speed itself."""
         ps, temperature, K_L = values[8:11]
         if answer.mean_speed is not None and self._velocity:
             answer = replace(answer, mean_speed=self._mean.value())
-        return replace(
-            answer,
-            ps=finite_or_none(ps),
-            temperature=finite_or_none(temperature),
-            K_L=answer.K_L if answer.K_L is not None else finite_or_none(K_L),
-        )
+        if answer.K_L is None and not self._identified:
+            answer = replace(answer, K_L=finite_or_none(K_L))
+        return replace(answer, ps=finite_or_none(ps), temperature=finite_or_none(temperature))
+
+    def _at_its_level(self, e_a: float, answer: Estimate) -> Estimate:
+        """The answer, with what others at other amplitudes say to it."""
+        if answer.quality != "ok":
+            return answer
+        finding = self._levels.compare(e_a, answer)
+        if finding is None or not finding.matters:
+            return replace(answer, e_a_dependence=finding)
+        advice = levels.ADVICE.format(other=finding.other_e_a)
+        return replace(answer, e_a_dependence=finding, quality="nonlinear", advice=advice)
 
     def reconcile(self, t: float, state: int) -> None:
         """Believe the newest row, of time `t` [s], where a state event was lost."""
@@ -216,56 +241,6 @@ class Axis:
             "fault": self.fault,
             "estimate": estimate,
             "controller": of_estimate(estimate),
+            "second_phase": self.second_phase,
             "settings": dict(self.settings),
         }
-
-
-def message(axis: str, estimate: Estimate, now: float) -> dict[str, Any]:
-    """The `estimate` notification; `ps` [Pa] and `temperature` [K] are null where no sensor tells them."""
-    return {
-        "axis": axis,
-        "t": estimate.t,
-        "age_s": now - estimate.t,
-        "zeta": estimate.zeta,
-        "zeta_sd": estimate.zeta_sd,
-        "omega_n": estimate.omega_n,
-        "omega_n_sd": estimate.omega_n_sd,
-        "K_L": estimate.K_L,
-        "K_L_sd": estimate.K_L_sd,
-        "delay_s": estimate.delay_s,
-        "frequency": estimate.frequency,
-        "amplitude": estimate.amplitude,
-        "asymmetry": estimate.asymmetry,
-        "mean_speed": estimate.mean_speed,
-        "ps": estimate.ps,
-        "temperature": estimate.temperature,
-        "fitness": estimate.fitness,
-        "misfit": estimate.misfit,
-        "lag_s": estimate.lag_s,
-        "correlation": estimate.correlation and dict(estimate.correlation),
-        "method": estimate.method,
-        "quality": estimate.quality,
-        "advice": estimate.advice,
-    }
-
-
-def sample_message(axis: str, tick: int, row: RowTuple) -> dict[str, Any]:
-    """The `sample` notification of one row; `signal` is the relay's input e."""
-    t, y, reference, u, t_u, e_a, bias, signal, ps, temperature, K_L, state, flags = row
-    return {
-        "axis": axis,
-        "tick": tick,
-        "t": t,
-        "y": y,
-        "u": u,
-        "t_u": t_u,
-        "reference": reference,
-        "signal": signal,
-        "e_a": e_a,
-        "bias": bias,
-        "ps": finite_or_none(ps),
-        "temperature": finite_or_none(temperature),
-        "K_L": finite_or_none(K_L),
-        "state": AxisState(state).name.lower(),
-        "fresh": bool(flags & FLAG_FRESH),
-    }

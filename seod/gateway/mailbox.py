@@ -69,6 +69,12 @@ class Mailbox:
         if not reply.get("ok"):
             raise RpcError(REFUSED, str(reply.get("error") or f"the loop refused {op!r}"))
 
+    def send(self, op: str, axis: int, values: dict[str, Any]) -> None:
+        """Send one command that nobody waits for: events tell what became of it."""
+        if self.ticking:
+            self._last_id += 1
+            self._ring.put({"id": self._last_id, "op": op, "axis": axis, "values": values})
+
     async def _first_tick(self) -> None:
         """Wait until the loop has started, for as long as it may take to answer."""
         try:

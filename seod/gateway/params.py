@@ -56,6 +56,8 @@ class SetParams(AxisParams):
     hysteresis: _NonNegative | None = None
     bias: _Finite | None = None
     K_L: _Positive | None = None
+    two_phase: bool | None = None
+    """Whether the relay's phase alternates, so that K_L and the delay come out as well."""
     reference: _Finite | None = None
     """Velocity mode: the speed about which it oscillates [axis unit/s]."""
     trim: bool | None = None
@@ -75,6 +77,10 @@ class DriveParams(AxisParams):
     """[s]"""
     stay: bool = False
     """Hold it where the drive has brought it, not where it began."""
+    tones: list[Annotated[list[_Finite], Field(min_length=3, max_length=3)]] = Field(
+        default=[], max_length=60
+    )
+    """[frequency in Hz, amplitude in V, phase in rad] each, for a steady voltage; clipped at `volts`."""
 
 
 class AuthenticateParams(Params):

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 from seod import PROTOCOL, __version__
 from seod.config.resolution import resolution_of
 from seod.config.truth import truth
-from seod.gateway.estimation import Axis, message, sample_message
+from seod.gateway.estimation import Axis
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
+from seod.gateway.messages import message, sample_message
 from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
+from seod.gateway.two_phase import TwoPhases
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH
 from seod.record.recorder import WAITING_ROWS
 
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.estimate.base import Estimate, Estimator, EstimatorSettings
-    from seod.gateway.estimation import RowTuple
     from seod.gateway.hub import Hub
+    from seod.gateway.messages import RowTuple
     from seod.ring import Shared
 
     Event = dict[str, Any]
@@ -70,15 +72,18 @@ class Rig:
             for sensor in [config.sensors[axis.sensor]]
         }
         self.mailbox = Mailbox(shared.commands, restart_loop)
+        self._two_phase = TwoPhases(self.axes, self.mailbox, self._warn)
         self.clients: Callable[[], dict[str, Any]] = dict
         """Tells about the clients in `health`; the server sets it."""
         self._config = config
+        self._replayed = config.driver["kind"] == "replay"
         self._truth = truth(config) or None
         self._shared = shared
         self._hub = hub
         self._recording = recording or Recording()
         self._reader = RowReader(shared)
         self._rows_lost = 0
+        self._dependent: dict[str, float] = {}
         self._health = Health(shared)
         self._started: Event = {"realtime": {"ok": False, "why": ["the loop has not started yet"]}}
         self._last_rows = self._next_health = clock()
@@ -130,6 +135,7 @@ class Rig:
             axis.change(event["values"])
         elif kind == "warning" and event["code"] == "rows_lost":  # in a recording that is replayed
             self._interrupt()
+        self._two_phase.heard(event)
         self._publish_event(event)
 
     def _on_started(self, event: Event) -> None:
@@ -154,6 +160,9 @@ class Rig:
                     self._publish_sample(axis.name, tick, row)
             for estimate in self._estimates(axis, block):
                 self._publish_estimate(axis.name, estimate)
+                self._note_dependence(axis.name, estimate)
+                if not self._replayed:
+                    self._two_phase.consider(axis.name, estimate, reference=block[-1][2])
             axis.reconcile(float(rows["tick_t"][-1]), block[-1][-2])
 
     def _estimates(self, axis: Axis, block: list[RowTuple]) -> list[Estimate]:
@@ -162,6 +171,15 @@ class Rig:
         except (ValueError, ArithmeticError) as error:
             self._warn("estimator", f"{axis.name}: the estimator began anew: {error}", axis.name)
             return []
+
+    def _note_dependence(self, axis: str, estimate: Estimate) -> None:
+        """Tell, once for each pair of amplitudes, that the answer depends on them."""
+        finding = estimate.e_a_dependence
+        if estimate.quality == "ok":
+            self._dependent.pop(axis, None)
+        elif finding is not None and self._dependent.get(axis) != finding.other_e_a:
+            self._dependent[axis] = finding.other_e_a
+            self._warn("depends_on_e_a", f"{axis}: {estimate.advice}", axis)
 
     def _note_lost(self) -> None:
         lost = self._reader.lost - self._rows_lost

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING
 
 from drivers.base import NO_SAMPLE, Sample
 from seod.config.units import UNITS
+from seod.gain import is_identified
 from seod.loop import events
 from seod.loop.conditions import Conditions
 from seod.loop.course import Course, Push
 from seod.loop.guard import AxisGuard, Trip
 from seod.loop.position import PositionMode
 from seod.loop.sensor import make_sensor
+from seod.loop.tones import Tones, read_tones
 from seod.loop.velocity import VelocityMode
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, FLAG_SATURATED, AxisState
+from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, FLAG_SATURATED, FLAG_SECOND_PHASE, AxisState
 from seod.settings import configured, refusal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from seod.config.model import AxisConfig, RigConfig
     from seod.loop.mode import Mode
@@ -82,14 +84,29 @@ class Axis:
         """The guard's verdict on the newest sample, while the axis may move."""
         course = self.course
         relay = course.relay is not None
-        at_amplitude = t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
-        swing = self.mode.swing if relay else None
-        return self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
+        at_amplitude = relay and t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
+        swing = self.mode.swing if relay or isinstance(course.controller, Tones) else None
+        trip = self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
+        if trip is None:
+            course.phases.watch(t, course.relay, self.guard.amplitude)
+        return trip
 
-    def drive(self, t: float, volts: float, duration: float, stay: float = 0) -> str | None:
+    def second_phase(self, t: float, **values: float) -> str | None:
+        """Have a second phase of the relay (`SecondPhase`); returns why not."""
+        return self.course.phases.take(t, self.course.relay, values)
+
+    def drive(
+        self,
+        t: float,
+        volts: float,
+        duration: float,
+        stay: bool = False,
+        tones: Sequence[Sequence[float]] = (),
+    ) -> str | None:
         """Put out `volts` [V], bias added, for `duration` [s], then hold as after a stop; returns why not.
 
-        With `stay` it is held where the drive has brought it.
+        With `stay` it is held where the drive has brought it. `tones`, [Hz, V, rad] each, take the place of
+        the steady voltage, clipped at `volts`.
         """
         limits = self.config.limits
         if not math.isfinite(volts) or abs(volts) + abs(self.settings["bias"]) > limits.output:
@@ -97,7 +114,10 @@ class Axis:
         if not 0.0 < duration <= limits.excitation:
             longest = f"limits.excitation = {limits.excitation:g} s"
             return f"{self.name}: duration must be > 0 and at most {longest}"
-        return self.start(t, Push(volts, duration, bool(stay)))
+        try:
+            return self.start(t, Push(volts, duration, stay, read_tones(tones)))
+        except ValueError as error:
+            return f"{self.name}: {error}"
 
     def start(self, t: float, push: Push | None = None, waiting: bool = False) -> str | None:
         """Begin with the relay, with a drive or by `waiting` for a turn; returns why not."""
@@ -126,17 +146,21 @@ class Axis:
         self.guard.neutral(t)
         self.course.fault(t, trip.why)
 
-    def change(self, values: dict[str, float]) -> str | None:
+    def change(self, t: float, values: dict[str, float]) -> str | None:
         """Set what `seod.settings` tells; takes effect at once and without a jump. Returns why not."""
         why = refusal(self.config, self.settings, values)
         if why is not None:
             return f"{self.name}: {why}"
         self.settings.update(values)
         if "K_L" in values:
+            if is_identified(self.config.K_L):
+                self.mode.absorb(values["K_L"])
             self.conditions.set(values["K_L"])
         relay = self.course.relay
         if relay is not None:
             relay.e_a, relay.hysteresis = self.settings["e_a"], self.settings["hysteresis"]
+        if values.keys() - {"K_L", "trim"}:  # the second phase was chosen for other settings
+            self.course.phases.drop(t, relay, "settings", "other settings: the first phase goes on")
         return None
 
     def command(self, t: float) -> float:
@@ -162,6 +186,7 @@ class Axis:
             + FLAG_FRESH * self.fresh
             + FLAG_LIMITED * (asked != passed)
             + FLAG_SATURATED * self.sensor.saturated
+            + FLAG_SECOND_PHASE * (exciting and course.relay is not None and course.relay.second)
         )
 
     def amplitude(self, t: float) -> float:

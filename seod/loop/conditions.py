@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.gain import gain_of, gain_range
+from seod.gain import gain_of, gain_range, needs_pressure
 from seod.loop.sensor import make_sensor
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Conditions:
 
     def __init__(self, axis: AxisConfig, rig: RigConfig, warn: Callable[[str, str], None]) -> None:
         self.warn = warn
-        self.needs_pressure = not isinstance(axis.K_L, float | int)
+        self.needs_pressure = needs_pressure(axis.K_L)
         self.gain = gain_of(axis.K_L)
         self.K_L = sum(gain_range(axis.K_L)) / 2.0
         """The middle of the range until the pressure is known; the last one known while it is not."""

@@ -11,8 +11,10 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from seod.loop import events
-from seod.loop.excite import Coast, Controller, Drive, PolarityPulse, Relay
+from seod.loop.excite import Coast, Controller, Drive, PolarityPulse
 from seod.loop.guard import Trip
+from seod.loop.tones import Tone, Tones
+from seod.loop.two_phase import TwoPhaseRelay, TwoPhases
 from seod.ring import AxisState
 
 if TYPE_CHECKING:
@@ -25,11 +27,19 @@ ACTIVE = frozenset({AxisState.ARMED, AxisState.EXCITING, AxisState.HOLDING})
 
 
 class Push(NamedTuple):
-    """A drive as it was asked for: voltage [V], duration [s], whether it ends where it has come to."""
+    """A drive as it was asked for.
+
+    Attributes:
+        volts: Voltage, or with tones the largest of their sum [V].
+        duration: [s].
+        stay: It ends where it has come to.
+        tones: For a frequency response, in velocity mode about the reference; none for a steady voltage.
+    """
 
     volts: float
     duration: float
     stay: bool
+    tones: tuple[Tone, ...] = ()
 
 
 class Course:
@@ -51,6 +61,7 @@ class Course:
         entered: When the state, or what it consists of, began [s].
         waiting: For its turn, holding the position; see `seod.loop.turns`.
         stopping: On the way to idle.
+        phases: The second phase of the relay, kept from burst to burst.
         pushed: The drive that takes the relay's place; None for the relay.
     """
 
@@ -65,17 +76,19 @@ class Course:
         self.name, self.config, self.settings, self.mode, self.emit = name, config, settings, mode, emit
         self.state = AxisState.IDLE
         self.active = self.exciting = False
-        self.relay: Relay | None = None
+        self.relay: TwoPhaseRelay | None = None
         self.controller: Controller = Coast()
         self.polarity_known = not config.polarity.enabled
         self.started = self.entered = -math.inf
         self.stopping = self.waiting = False
         self.pushed: Push | None = None
+        self.phases = TwoPhases(name, config.limits, settings, emit)
 
     def begin(self, t: float, push: Push | None, waiting: bool) -> None:
         """Start, with the relay or with a drive, or `waiting` for a turn."""
         self.started, self.stopping = t, False
         self.pushed, self.waiting = push, waiting
+        self.phases.drop(t, None, "start", "start: to be chosen anew")
         self._become(AxisState.ARMED, t, "start")
         if not self.polarity_known:
             pulse = self.config.polarity
@@ -109,6 +122,7 @@ class Course:
         """Latch; the polarity has to be shown anew."""
         self.polarity_known = not self.config.polarity.enabled
         if self.state is not AxisState.FAULT:
+            self.phases.drop(t, None, "fault", why)
             self._become(AxisState.FAULT, t, why)
 
     def reset(self, t: float) -> None:
@@ -173,27 +187,37 @@ class Course:
 
     def _excite(self, t: float) -> None:
         if self.pushed is not None:
-            volts, duration, _ = self.pushed
-            self.controller = Drive(t + duration, volts)
-            self._become(AxisState.EXCITING, t, f"drive: {volts:g} V for {duration:g} s")
+            self._drive(t, self.pushed)
             return
         entry = self.config.excitation.entry
-        self.controller = Relay(t, entry, self.settings["e_a"], self.settings["hysteresis"])
+        e_a, hysteresis = self.settings["e_a"], self.settings["hysteresis"]
+        self.controller = TwoPhaseRelay(t, entry, e_a, hysteresis, self.phases.phase)
         self.mode.relay_on(t)
         self.entered = t
         self._become(AxisState.EXCITING, t, "relay on")
+
+    def _drive(self, t: float, push: Push) -> None:
+        end, what = t + push.duration, "drive"
+        if push.tones:
+            hold, entry = self.mode.hold(t, rest=False), self.config.excitation.entry
+            self.controller = Tones(t, end, entry, push.volts, push.tones, hold)
+            what = f"{len(push.tones)} tones"
+        else:
+            self.controller = Drive(end, push.volts)
+        self._become(AxisState.EXCITING, t, f"{what}: {push.volts:g} V for {push.duration:g} s")
 
     def _return(self, t: float, why: str) -> None:
         self._begin_hold(t)
         self._become(AxisState.HOLDING, t, why)
 
     def _begin_hold(self, t: float) -> None:
-        self.controller = self.mode.hold(t, rest=self.stopping or self.waiting or self.pushed is not None)
+        steady = self.pushed is not None and not self.pushed.tones
+        self.controller = self.mode.hold(t, rest=self.stopping or self.waiting or steady)
         self.entered = t
 
     def _become(self, state: AxisState, t: float, why: str) -> None:
         previous, self.state = self.state, state
         self.active = state in ACTIVE
         self.exciting = state is AxisState.EXCITING
-        self.relay = self.controller if self.exciting and isinstance(self.controller, Relay) else None
+        self.relay = self.controller if self.exciting and isinstance(self.controller, TwoPhaseRelay) else None
         self.emit(events.state(t, self.name, state, previous, why))

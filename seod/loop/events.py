@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from seod.loop.excite import PolarityResult
     from seod.loop.guard import Trip
@@ -26,6 +26,12 @@ def polarity(t: float, axis: str, result: PolarityResult, voltage: float) -> Eve
     """What the polarity pulse of `voltage` [V] showed."""
     told = {"event": "polarity", "t": t, "axis": axis, "ok": result.ok, "movement": result.movement}
     return {**told, "voltage": voltage, "why": result.why}
+
+
+def two_phase(t: float, axis: str, phase: Mapping[str, float] | None, code: str, why: str) -> Event:
+    """The relay has the second phase `phase` from `t` [s] on, None for none any more."""
+    told = {"event": "two_phase", "t": t, "axis": axis, "phase": None if phase is None else dict(phase)}
+    return {**told, "code": code, "why": why}
 
 
 def warning(t: float, axis: str | None, code: str, why: str) -> Event:

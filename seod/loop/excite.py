@@ -35,6 +35,11 @@ class Relay:
         self.hysteresis = hysteresis
         self.sign = 1.0
 
+    @property
+    def turning(self) -> bool:
+        """Whether the cycle that has just ended was one between two phases; see `seod.loop.two_phase`."""
+        return False
+
     def amplitude(self, t: float) -> float:
         """Amplitude in force at `t` [V]."""
         since = t - self.start

@@ -50,6 +50,8 @@ class AxisGuard:
         self.guard = guard
         self.speed = SpeedMeter(self.SPEED_WINDOW_S)
         self.swing: SwingMeter | None = None
+        self.amplitude = 0.0
+        """Half the peak-to-peak movement over about the last second [unit of the position]."""
         self.sensor: Sensor | None = None
         """What the axis measures with, where it can be in trouble."""
         self.moved_at = -math.inf
@@ -150,13 +152,13 @@ class AxisGuard:
 
     def _amplitude(self, t: float, y: float | None, growth_counts: bool) -> Trip | None:
         if y is None:
-            self.swing = None
+            self.swing, self.amplitude = None, 0.0
             return None
         if self.swing is None:
             self.swing = SwingMeter(t)
         if growth_counts and not self.swing.watched:
             self.swing.watch_growth()
-        swing = self.swing.update(t, y)
+        swing = self.amplitude = self.swing.update(t, y)
         if swing > self.limits.amplitude:
             return Trip(
                 "amplitude",

@@ -44,6 +44,9 @@ class Mode(Protocol):
     def arrived(self, t: float) -> bool:
         """Whether it is there, or has tried for long enough."""
 
+    def absorb(self, K_L: float) -> None:
+        """The gain was found to be this, and has been so all the time [unit/s/V]."""
+
     def relay_on(self, t: float) -> None:
         """The relay takes over."""
 

@@ -86,6 +86,9 @@ class PositionMode:
         tolerance = self.config.hold.tolerance or 0.1 * self.config.limits.amplitude
         return self.settling.done(t, abs(self.error) <= tolerance)
 
+    def absorb(self, K_L: float) -> None:
+        """Nothing but the hold depends on it."""
+
     def relay_on(self, t: float) -> None:
         """Nothing to prepare."""
 

@@ -195,13 +195,19 @@ class Loop:
         elif op == "reset":
             for axis in chosen:
                 axis.course.reset(t)
-        elif op == "set":
-            return self.change(t, chosen, message["values"])
         else:
-            return f"unknown command {op!r}"
+            return self.adjust(t, chosen, op, message["values"])
         return None
 
-    def start(self, t: float, chosen: list[Axis], in_turn: bool = False, **drive: float) -> str | None:
+    def adjust(self, t: float, chosen: list[Axis], op: str, values: dict[str, float]) -> str | None:
+        """A command that leaves the axes in their states; returns why it was not done."""
+        if op == "set":
+            return self.change(t, chosen, values)
+        if op == "second_phase":
+            return chosen[0].second_phase(t, **values)
+        return f"unknown command {op!r}"
+
+    def start(self, t: float, chosen: list[Axis], in_turn: bool = False, **drive: Any) -> str | None:
         """Start axes, or drive them (`Axis.drive`), all or none; returns why not."""
         estop = self.estop(t)
         if self.trouble or estop is not None:
@@ -223,7 +229,7 @@ class Loop:
     def change(self, t: float, chosen: list[Axis], values: dict[str, float]) -> str | None:
         """Set values on axes; returns why not."""
         for axis in chosen:
-            error = axis.change(values)
+            error = axis.change(t, values)
             if error is not None:
                 return error
             self.shared.events.put({"event": "changed", "t": t, "axis": axis.name, "values": values})

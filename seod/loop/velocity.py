@@ -144,6 +144,12 @@ class VelocityMode:
         tolerance = self.config.hold.tolerance or 0.5 * self.K_L * self.settings["e_a"]
         return self.settling.done(t, abs(self.error) <= tolerance)
 
+    def absorb(self, K_L: float) -> None:
+        """What the trim has put right of a wrong gain is in the gain now."""
+        more = self.reference / K_L - self.reference / self.K_L
+        if self.trim * more > 0.0:
+            self.trim = toward(0.0, self.trim, abs(more))
+
     def relay_on(self, t: float) -> None:
         """The integral begins at the relay's threshold."""
         self.integral = 0.0
@@ -167,7 +173,7 @@ class VelocityMode:
         mean = duty.note(t, relay.sign)
         if mean is not None:
             self.warned.clear()
-            if abs(mean) > DEADBAND:
+            if abs(mean) > DEADBAND and not relay.turning:
                 self._trim(TRIM_GAIN * mean * e_a)
         elif duty.stuck(t):
             self._tell_stuck(relay)

@@ -77,6 +77,7 @@ ROW_SCHEMA: Final = "\n".join(
         "uint8 FLAG_FRESH=2",
         "uint8 FLAG_LIMITED=4",
         "uint8 FLAG_SATURATED=8",
+        "uint8 FLAG_SECOND_PHASE=16",
         "int64 tick",
         "float64 t_tick  # s, when the tick began",
         "float64 age  # s, of the sample at that time",

@@ -94,7 +94,7 @@ class Bench:
             self.loop.meter.note(t, self.pacer, self.loop.samples)
             self.shared.words[Word.CONSUMED] = self.shared.row_ring.head[0]
 
-    def call(self, op: str, axis: int | None = None, **values: float) -> str | None:
+    def call(self, op: str, axis: int | None = None, **values: Any) -> str | None:
         self.ids += 1
         self.shared.commands.put({"id": self.ids, "op": op, "axis": axis, "values": values})
         self.run(self.pacer.period)

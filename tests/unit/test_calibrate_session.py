@@ -25,7 +25,8 @@ class FakeClient:
         self.coming: list[dict[str, Any]] = []
         self.drives = 0
         self.subscribed: list[int] = []
-        self.forgotten = 0
+        self.forgotten = self.kept_alive = 0
+        self.tones: Any = None
 
     def subscribe(self, topics: list[str], axes: list[str]) -> int:
         self.subscribed.append(len(self.subscribed) + 1)
@@ -52,7 +53,11 @@ class FakeClient:
             numbers = {"subscription": 1, "topic": "sample", "lost": count, "total": count}
             self.coming.append({"method": "lost", "params": numbers})
 
-    def drive(self, axis: str, volts: float, duration: float, stay: bool) -> None:
+    def keepalive(self) -> None:
+        self.kept_alive += 1
+
+    def drive(self, axis: str, volts: float, duration: float, stay: bool, tones: Any = None) -> None:
+        self.tones = tones
         lost = self.losses.pop(0) if self.losses else set()
         self.drives += 1
         for state, voltage, count in (("armed", 0.0, 2), ("exciting", volts, 20), ("holding", 0.0, 5)):
@@ -96,3 +101,11 @@ def test_nothing_old_is_left_for_whoever_comes_next() -> None:
     rig.close()
     assert client.subscribed == client.coming == []
     assert client.forgotten == 1
+
+
+def test_tones_are_recorded_while_they_are_on_and_the_rig_hears_of_us() -> None:
+    client, rig = remote({"exciting"})
+    samples = rig.excite(0.5, 0.2, [[5.0, 0.5, 0.0]])
+    assert (client.tones, client.drives) == ([[5.0, 0.5, 0.0]], 2)
+    assert [sample["state"] for sample in samples] == ["exciting"] * 20
+    assert client.kept_alive >= 2

@@ -153,7 +153,18 @@ def test_every_command_of_this_version_is_there():
     over_tcp = {"status", "watch", "get", "set", "start", "stop", "estop", "reset", "ramp"}
     assert (
         named
-        == {"run", "rig", "check", "latency", "calibrate", "simulate", "info", "export", "identify"}
+        == {
+            "run",
+            "rig",
+            "check",
+            "latency",
+            "calibrate",
+            "simulate",
+            "info",
+            "export",
+            "identify",
+            "response",
+        }
         | over_tcp
     )
 

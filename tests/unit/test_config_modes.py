@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from seod.config.gain import GainModel
 from seod.config.load import ConfigErrors, load_text
+from seod.config.model import RigConfig
 from seod.paths import configs_dir
 
 VELOCITY = (configs_dir() / "virtual.yaml").read_text()
@@ -25,6 +27,11 @@ for old, new in (
     VELOCITY = VELOCITY.replace(old, new)
 
 
+POSITION = (configs_dir() / "virtual.yaml").read_text()
+K_L_LINE = "K_L: 17                     #"
+PHASES = "      # two_phase: {enabled: true}"
+
+
 def errors_of(text: str) -> list[tuple[int, str, str]]:
     with pytest.raises(ConfigErrors) as caught:
         load_text(text, "x.yaml", configs_dir())
@@ -35,6 +42,66 @@ def test_a_velocity_axis_loads() -> None:
     axis = load_text(VELOCITY, "x.yaml", configs_dir()).axes["motor"]
     assert (axis.mode, axis.reference, axis.limits.speed, axis.trim) == ("velocity", 32.5, None, True)
     assert axis.limits.travel == (-40.0, 170.0)
+
+
+def test_a_gain_of_which_nothing_is_known_begins_with_what_the_limits_say() -> None:
+    text = POSITION.replace(K_L_LINE, "K_L: identified #")
+    axis = load_text(text, "x.yaml", configs_dir()).axes["motor"]
+    guess = axis.K_L
+    assert guess == GainModel(identified=60.0 / 0.5)
+    assert axis.two_phase
+    again = RigConfig.model_validate_json(load_text(text, "x.yaml", configs_dir()).model_dump_json())
+    assert again.axes["motor"] == axis
+
+
+@pytest.mark.parametrize(
+    ("K_L", "phases", "on"),
+    [
+        ("17", "enabled: true", True),
+        ("17", "shift: 0.2", False),
+        ("{identified: 15}", "cycles: 4", True),
+        ("{identified: 15}", "enabled: false", False),
+    ],
+)
+def test_two_phases_where_they_are_asked_for_or_needed(K_L: str, phases: str, on: bool) -> None:
+    text = POSITION.replace(K_L_LINE, f"K_L: {K_L} #").replace(PHASES, f"      two_phase: {{{phases}}}")
+    assert load_text(text, "x.yaml", configs_dir()).axes["motor"].two_phase is on
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "told"),
+    [
+        ("method: wave", "method: exact", "axes.motor.estimator.method", "identified by the method `wave`"),
+        (PHASES, "      two_phase: {shift: 0.5}", "axes.motor.excitation.two_phase.shift", "0.4"),
+        (PHASES, "      two_phase: {cycles: 1}", "axes.motor.excitation.two_phase.cycles", "2"),
+        (
+            PHASES,
+            "      two_phase: {cycle: 3}",
+            "axes.motor.excitation.two_phase.cycle",
+            "did you mean 'cycles'",
+        ),
+    ],
+)
+def test_mistakes_about_two_phases_are_told(old: str, new: str, key: str, told: str) -> None:
+    text = POSITION.replace(K_L_LINE, "K_L: identified #")
+    assert text.count(old) == 1
+    found = errors_of(text.replace(old, new))
+    assert [each[1] for each in found] == [key]
+    assert told in found[0][2]
+
+
+def test_two_phases_need_wave() -> None:
+    text = POSITION.replace(PHASES, "      two_phase: {enabled: true}").replace(
+        "method: wave", "method: peaks"
+    )
+    assert "two-phase excitation is for the method `wave`" in errors_of(text)[0][2]
+
+
+def test_a_speed_needs_a_first_guess() -> None:
+    found = errors_of(VELOCITY.replace(EQ_9, "K_L: identified #"))
+    assert found[0][1] == "axes.motor.K_L"
+    assert "`K_L: {identified: 17}`" in found[0][2]
+    assert load_text(VELOCITY.replace(EQ_9, "K_L: {identified: 15} #"), "x.yaml", configs_dir())
 
 
 MISTAKES = [

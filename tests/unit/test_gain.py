@@ -9,7 +9,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from seod.config.gain import Gain
-from seod.gain import gain_of, gain_range
+from seod.gain import gain_of, gain_range, is_identified, needs_pressure
 
 EQ_9 = {"polynomial": [4.25, 2.72e-6, -0.134e-12], "range": ["5 MPa", "10 MPa"]}
 TABLE = {"table": {"ps": ["5 MPa", "7 MPa", 10e6], "K_L": [14.5, 16.7, 18.0]}}
@@ -55,12 +55,27 @@ def test_the_range_of_a_gain():
     assert gain_range(parsed(EQ_9)) == pytest.approx((14.5, 18.05), rel=1e-3)
 
 
+@pytest.mark.parametrize(("raw", "guess"), [("identified", 0.0), ({"identified": 15}, 15.0)])
+def test_a_gain_to_be_identified_has_a_guess_and_needs_no_pressure(raw, guess):
+    assert is_identified(parsed(raw))
+    assert not needs_pressure(parsed(raw))
+    assert gain_range(parsed(raw)) == (guess, guess)
+    assert gain(raw)(math.nan) == guess
+    assert not is_identified(parsed(EQ_9))
+    assert needs_pressure(parsed(EQ_9))
+    again = TypeAdapter(Gain).validate_json(parsed(raw).model_dump_json())
+    assert again == parsed(raw)
+
+
 @pytest.mark.parametrize(
     ("raw", "told"),
     [
         (0, "greater than 0"),
-        ({}, "either `table` or `polynomial`"),
-        ({**EQ_9, **TABLE}, "either `table` or `polynomial`"),
+        ("known", "valid number"),
+        ({"identified": -1.0}, "greater than or equal to 0"),
+        ({"identified": 15.0, **TABLE}, "one of `table`, `polynomial`"),
+        ({}, "one of `table`, `polynomial`"),
+        ({**EQ_9, **TABLE}, "one of `table`, `polynomial`"),
         ({"polynomial": [17.0]}, "belong together"),
         ({**EQ_9, "range": [10e6, 5e6]}, "lower end"),
         ({"table": {"ps": [5e6, 6e6], "K_L": [14.0, 15.0, 16.0]}}, "one gain for each pressure"),

@@ -19,7 +19,7 @@ from seod.ring import AxisState, Word
 
 ESTIMATE_FIELDS = {"axis", "t", "age_s", "zeta", "zeta_sd", "omega_n", "omega_n_sd", "K_L", "K_L_sd"} | {
     *("delay_s", "frequency", "amplitude", "asymmetry", "mean_speed", "ps", "temperature", "fitness"),
-    *("misfit", "lag_s", "correlation", "method", "quality", "advice"),
+    *("misfit", "lag_s", "correlation", "e_a_dependence", "method", "quality", "advice"),
 }
 
 
@@ -52,13 +52,15 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings"}
+    known = {"axis", "state", "fault", "estimate", "controller", "second_phase", "settings"}
+    assert set(answer) == known
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
         "e_a": 0.5,
         "hysteresis": 0.004,
         "bias": 0.0,
         "K_L": 17.0,
+        "two_phase": False,
         "method": "wave",
     }
 
@@ -94,6 +96,7 @@ async def test_samples_follow_the_rows_in_order_and_none_is_missing():
         "K_L": 17.0,
         "state": "idle",
         "fresh": True,
+        "phase": 1,
     }
     assert samples[300]["y"] is None
     assert not samples[300]["fresh"]

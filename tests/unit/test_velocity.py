@@ -217,7 +217,7 @@ def test_settings_are_held_against_the_limits(
     bench: Callable[..., Bench], values: dict[str, float], told: str
 ) -> None:
     rig = bench()
-    assert told in str(rig.loop.axes[0].change(values))
+    assert told in str(rig.loop.axes[0].change(rig.pacer.now(), values))
     assert rig.loop.axes[0].settings["reference"] == 32.5
 
 

@@ -1,0 +1,109 @@
+"""Bias and scatter relative to the Cramer-Rao bound, and interval coverage, of all estimators.
+
+    python bench/accuracy.py [--quick] [--file accuracy.jsonl] [--processes 2] [--doc]
+
+A sampled relay swings plants of zeta 0.1-1.5 and omega_n Ts 0.02-0.2, and the design's three plants with more
+noise, coarse sensors, jitter, delay, hysteresis, friction. Each run has a plant, start and noise of its own.
+All methods run in the first 25 runs of a case, `wave` alone in the others. Without noise there is no bound;
+counts are taken for noise in it. `--quick`: 50 runs of the three plants.
+
+Results go to a file, a line for every 25 runs. What it holds is not done again, unless the sources have
+changed; then `--only` does some again, and `--doc` takes the newest of each case.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would only wake each other
+
+import argparse
+import math
+import re
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import accuracy_runs
+from accuracy_cases import GRID, PLANTS, Case, about_the_plants
+from accuracy_plots import draw
+from accuracy_runs import BLOCK
+from accuracy_summary import Found, goals, methods, totals, varied
+
+DOCS = Path(__file__).parents[1] / "docs"
+QUICK = [Case(*plant) for plant in PLANTS]
+
+
+def tasks(options: argparse.Namespace) -> list[tuple[Case, int]]:
+    """Cases with the numbers of their blocks; first blocks of all come first."""
+    if options.quick:
+        return [(case, block) for block in range(2) for case in QUICK]
+    counts = {case: math.ceil(options.varied_runs / BLOCK) for _, case in about_the_plants()}
+    counts |= {case: math.ceil(options.grid_runs / BLOCK) for case in GRID}
+    counts |= dict.fromkeys(QUICK, math.ceil(options.runs / BLOCK))
+    return [(case, k) for k in range(max(counts.values())) for case, n in counts.items() if k < n]
+
+
+def work(options: argparse.Namespace, digest: str) -> None:
+    """Do what the file does not hold yet."""
+    done = accuracy_runs.read(options.file, digest)
+    wanted = [(case, block) for case, block in tasks(options) if re.search(options.only, case.name)]
+    left = [(case, block) for case, block in wanted if block not in done.get(case.name, {})]
+    print(f"{len(left)} blocks of {BLOCK} runs to do; sources {digest}", file=sys.stderr)
+    with ProcessPoolExecutor(options.processes) as pool, options.file.open("a") as file:
+        if file.tell():
+            file.write("\n")  # ends a line that was cut short
+        cases, blocks = [case for case, _ in left], [block for _, block in left]
+        for k, text in enumerate(pool.map(accuracy_runs.line, cases, blocks, [digest] * len(left)), 1):
+            file.write(text + "\n")
+            file.flush()
+            if k % 20 == 0 or k == len(left):
+                print(f"{k} of {len(left)}", file=sys.stderr, flush=True)
+
+
+def tables(found: Found) -> dict[str, str]:
+    """By the names that the document gives them."""
+    return {
+        "goals": goals(found) + "\n" + totals(found),
+        "methods-zeta": methods(found, 1),
+        "methods-omega_n": methods(found, 0),
+        "varied-zeta": varied(found, 1),
+        "varied-omega_n": varied(found, 0),
+    }
+
+
+def put(text: str, parts: dict[str, str]) -> str:
+    """A document with its tables between `<!-- name -->` and `<!-- end -->` exchanged."""
+    for name, part in parts.items():
+        before, mark, rest = text.partition(f"<!-- {name} -->\n")
+        text = before + mark + part + rest[rest.index("<!-- end -->") :] if mark else text
+    return text
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=1000, help="of the design's three plants, plain")
+    parser.add_argument("--grid-runs", type=int, default=200, help="of each plant of the grid")
+    parser.add_argument("--varied-runs", type=int, default=100, help="of each other case")
+    parser.add_argument("--quick", action="store_true", help="50 runs of the design's three plants")
+    parser.add_argument("--file", type=Path, default=Path("accuracy.jsonl"), help="what was done, kept")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--only", default="", help="cases whose names match this, as `speed=1`")
+    parser.add_argument("--doc", action="store_true", help="write the tables and plots of docs/accuracy*.md")
+    options = parser.parse_args()
+    digest = accuracy_runs.sources()
+    if not options.doc:
+        work(options, digest)
+    kept = accuracy_runs.read(options.file, None if options.doc else digest)
+    found = {name: [x for block in blocks.values() for x in block] for name, blocks in kept.items()}
+    parts = tables(found)
+    if options.doc:
+        for page in DOCS.glob("accuracy*.md"):
+            page.write_text(put(page.read_text(), parts))
+        draw(found, DOCS / "img")
+    else:
+        print("\n\n".join(f"{name}\n\n{part}" for name, part in parts.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""The response under a voltage that does not repeat: averaged spectra of overlapping windows (Welch).
+
+Both sides are means between neighbouring ticks: of the voltage exactly, of the speed as the position's
+difference. So their ratio is G_L, without the hold of the voltage, and a position's drift does not leak.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.respond.period import even_voltage
+from seod.respond.points import Points
+from seod.respond.record import RespondError
+
+if TYPE_CHECKING:
+    from seod.respond.record import Array, Complex, Stretch
+
+_WINDOWS: Final = 8
+"""Lengths of a window in a recording; with half overlapping there are 15."""
+_POINTS: Final = 60
+_HIGHEST: Final = 0.25
+"""Of the samples' rate."""
+_GAP: Final = 5.0
+"""Ticks without a sample that are bridged."""
+FEWEST_SAMPLES: Final = 512
+
+
+def broadband(stretch: Stretch) -> Points:
+    """Points at up to 60 frequencies, spread by octaves; those that the voltage hardly excites are left out.
+
+    Raises:
+        RespondError: Too short, or samples are missing.
+    """
+    if len(stretch.t) < FEWEST_SAMPLES:
+        raise RespondError(f"{stretch.name}: {len(stretch.t)} samples are too few; it takes {FEWEST_SAMPLES}")
+    gap = float(np.diff(stretch.t).max())
+    if gap > _GAP * stretch.tick:
+        raise RespondError(
+            f"{stretch.name}: no samples for {gap:.3g} s; give a part without gaps (--between)"
+        )
+    edges = np.linspace(stretch.t[0], stretch.t[-1], len(stretch.t))
+    tick = float(edges[1] - edges[0])
+    u, y = even_voltage(stretch, edges), np.interp(edges, stretch.t, stretch.y)
+    speed = np.diff(y) / tick if stretch.output == "position" else 0.5 * (y[1:] + y[:-1])
+    n = len(u) // _WINDOWS
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n, tick), np.float64)
+    spectra = [_windowed(x, n) for x in (u, speed)]
+    used = np.flatnonzero((omega > 1.5 * omega[1]) & (omega < 2.0 * np.pi * _HIGHEST / tick))
+    found = _banded(omega[used], *(each[:, used] for each in spectra))
+    return _as_measured(found, stretch, tick)
+
+
+def _windowed(x: Array, n: int) -> Complex:
+    """Spectra of Hann windows, half overlapping, each without its mean."""
+    window = np.hanning(n + 1)[:-1]
+    starts = range(0, len(x) - n + 1, n // 2)
+    return np.array([np.fft.rfft((x[s : s + n] - x[s : s + n].mean()) * window) for s in starts])
+
+
+def _banded(omega: Array, u: Complex, y: Complex) -> Points:
+    """Cross spectra over windows and over neighbouring lines."""
+    edges: Array = np.geomspace(omega[0], omega[-1] * 1.0001, _POINTS + 1)
+    place = np.digitize(omega, edges)
+    rows = [_band(omega[place == k], u[:, place == k], y[:, place == k]) for k in np.unique(place)]
+    omegas, G, variance, coherence, power = (np.array(column) for column in zip(*rows, strict=True))
+    kept = power > 1e-6 * power.max()
+    volts = 2.0 * np.sqrt(power)
+    sd = np.sqrt(0.5 * variance)
+    return Points(omegas[kept].real, G[kept], sd[kept], coherence[kept].real, volts[kept])
+
+
+def _band(omega: Array, u: Complex, y: Complex) -> tuple[float, complex, float, float, float]:
+    cross, uu, yy = np.sum(y * u.conj()), float(np.sum(np.abs(u) ** 2)), float(np.sum(np.abs(y) ** 2))
+    weight = np.sum(np.abs(u) ** 2, axis=0)
+    centre = float(omega @ weight / max(weight.sum(), 1e-300))
+    coherence = min(1.0, float(abs(cross) ** 2) / max(uu * yy, 1e-300))
+    G = complex(cross / max(uu, 1e-300))
+    independent = max(1.5, 0.45 * u.size)  # half overlapping windows, and lines as wide as a Hann window's
+    variance = abs(G) ** 2 * (1.0 - coherence) / max(coherence, 1e-12) / independent
+    return centre, G, variance, coherence, uu / u.size
+
+
+def _as_measured(found: Points, stretch: Stretch, tick: float) -> Points:
+    """From the ratio of means to the response of what was measured."""
+    half = 0.5 * found.omega * tick
+    if stretch.output == "position":
+        factor = 1.0 / (1j * found.omega)
+    else:
+        factor = np.sinc(half / np.pi) / np.cos(half) + 0j
+    return Points(found.omega, found.G * factor, found.sd * np.abs(factor), found.coherence, found.volts)
