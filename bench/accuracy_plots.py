@@ -10,9 +10,9 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from accuracy_cases import GRID, TURNS, about_the_plants
+from accuracy_cases import GRID, TURNS, Case, about_the_plants
 from accuracy_runs import METHODS
-from accuracy_summary import NAMES, Summary, summary, wilson
+from accuracy_summary import NAMES, PLAIN, Summary, summary, wilson
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from accuracy_summary import Found
 
 COLORS = dict(zip(METHODS, ("#1f6fb4", "#2a9d57", "#d9822b", "#8b5fbf", "#9a9a9a"), strict=True))
-MARKS = dict(zip(TURNS, "osD^", strict=True))
+MARKS = dict(zip((f"{turn:g}" for turn in TURNS), "osD^", strict=True))
 TURN = 0.05
 """omega_n Ts of the plot that compares the methods."""
 
@@ -34,8 +34,7 @@ def draw(found: Found, folder: Path) -> None:
         plt.close(figure)
 
 
-def _wave_of_grid(found: Found, turn: float) -> list[tuple[float, Summary]]:
-    cases = [case for case in GRID if case.turn == turn]
+def _wave_of(found: Found, cases: list[Case]) -> list[tuple[float, Summary]]:
     return [(case.zeta, s) for case in cases if (s := summary(found.get(case.name, []), "wave"))]
 
 
@@ -44,25 +43,32 @@ def bound(found: Found) -> plt.Figure:
     figure, places = plt.subplots(2, 2, figsize=(9, 6), sharex=True, layout="constrained")
     for k, name in enumerate(NAMES):
         for turn in TURNS:
-            _bound_line(places[:, k], _wave_of_grid(found, turn), turn, k)
+            _bound_line(places[:, k], _wave_of(found, [c for c in GRID if c.turn == turn]), f"{turn:g}", k)
+        _bound_line(places[:, k], _wave_of(found, PLAIN), "the design's plants", k)
         places[0, k].axhline(1.1, color="gray", linestyle=":")
         places[0, k].set(title=name, ylabel="standard deviation / Cramer-Rao bound", ylim=(0.7, 1.4))
         places[1, k].axhspan(93, 97, color="#dddddd", zorder=0)
         places[1, k].set(ylabel="95 % interval covers [%]", ylim=(85, 100.5), xlabel="zeta", xscale="log")
         places[1, k].set_xticks([0.1, 0.2, 0.5, 1.0, 1.5], ["0.1", "0.2", "0.5", "1", "1.5"])
         places[1, k].minorticks_off()
-    places[0, 0].legend(title="omega_n Ts", frameon=False, ncols=2)
+    places[0, 0].legend(title="omega_n Ts", frameon=False, ncols=2, fontsize=8)
     figure.suptitle("wave at 1 % noise, one tick of delay (bars: 95 % of chance; grey: the goal)")
     return figure
 
 
-def _bound_line(places: np.ndarray, line: list[tuple[float, Summary]], turn: float, k: int) -> None:
-    shift = 1.02 ** (TURNS.index(turn) - 1.5)
+def _bound_line(places: np.ndarray, line: list[tuple[float, Summary]], label: str, k: int) -> None:
+    """The plants that have many runs are black dots; the grid's lines stand a little apart."""
+    style = {"markersize": 4, "capsize": 2}
+    style |= (
+        {"linewidth": 0.8, "marker": MARKS[label]}
+        if label in MARKS
+        else {"color": "black", "fmt": "o", "zorder": 5}
+    )
+    shift = 1.02 ** (list(MARKS).index(label) - 1.5) if label in MARKS else 1.05
     zetas = np.array([zeta for zeta, _ in line]) * shift
     ratio = np.array([s.ratio[k] for _, s in line])
-    style = {"marker": MARKS[turn], "markersize": 4, "linewidth": 0.8, "capsize": 2}
     chance = 1.96 * ratio / np.sqrt([2.0 * s.good for _, s in line])
-    places[0].errorbar(zetas, ratio, chance, label=f"{turn:g}", **style)
+    places[0].errorbar(zetas, ratio, chance, label=label, **style)
     covered = np.array([s.covered[k] / max(s.good, 1) for _, s in line])
     ends = np.abs(np.array([wilson(s.covered[k], s.good) for _, s in line]).T - covered)
     places[1].errorbar(zetas, 100 * covered, 100 * ends, **style)

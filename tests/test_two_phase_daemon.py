@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seod.record.read import items
-from seod.ring import FLAG_SECOND_PHASE
+from seod.ring import FLAG_EXCITING, FLAG_SECOND_PHASE
 from tests.peers import Program, Rpc, port_of, port_open, until, write_rig_file
 
 if TYPE_CHECKING:
@@ -66,9 +66,10 @@ def test_an_unknown_gain_is_found_put_in_force_and_recorded(tmp_path: Path) -> N
         rpc.call("set", axis="motor", two_phase=False)
         assert rpc.event(event="two_phase", code="settings")["phase"] is None
         assert rpc.call("get")["second_phase"] is None
-    second = [item["axes"]["flags"] & FLAG_SECOND_PHASE > 0 for item in rows_of(recording)]
-    share = np.concatenate(second).mean()
-    assert 0.1 < share < 0.9
+    flags = np.concatenate([item["axes"]["flags"] for item in rows_of(recording)])
+    second, exciting = flags & FLAG_SECOND_PHASE > 0, flags & FLAG_EXCITING > 0
+    assert 0 < np.count_nonzero(second) < np.count_nonzero(exciting)
+    assert np.all(exciting[second])
 
 
 def test_turned_on_by_the_command_line(tmp_path: Path) -> None:

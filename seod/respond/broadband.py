@@ -25,6 +25,10 @@ _HIGHEST: Final = 0.25
 _GAP: Final = 5.0
 """Ticks without a sample that are bridged."""
 FEWEST_SAMPLES: Final = 512
+_EXCITED: Final = 1e-3
+"""Power, in parts of the largest; below, it is what leaks from elsewhere."""
+_LEAKS: Final = 0.02
+"""A point is not believed better than this: windows cut a sweep, and what leaks does not average out."""
 
 
 def broadband(stretch: Stretch) -> Points:
@@ -65,9 +69,9 @@ def _banded(omega: Array, u: Complex, y: Complex) -> Points:
     place = np.digitize(omega, edges)
     rows = [_band(omega[place == k], u[:, place == k], y[:, place == k]) for k in np.unique(place)]
     omegas, G, variance, coherence, power = (np.array(column) for column in zip(*rows, strict=True))
-    kept = power > 1e-6 * power.max()
+    kept = power > _EXCITED * power.max()
     volts = 2.0 * np.sqrt(power)
-    sd = np.sqrt(0.5 * variance)
+    sd = np.sqrt(0.5 * (variance + (_LEAKS * np.abs(G)) ** 2))
     return Points(omegas[kept].real, G[kept], sd[kept], coherence[kept].real, volts[kept])
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.config.model import RigConfig
+    from seod.respond.design import Excitation
     from seod.respond.predict import Prediction
     from seod.respond.record import Output
     from seod.respond.relay import LimitCycle
@@ -112,6 +113,8 @@ def on_rig(config: RigConfig, path: Path, excitation: live.Wishes, wishes: Wishe
     """
     name = _axis(config, wishes.axis)
     axis = config.axes[name]
+    if wishes.predict and config.simulation is None:
+        raise RespondError("--predict needs a plant: `simulation:` in the rig file")
     console = Console(stderr=True)
     signal.signal(signal.SIGTERM, _interrupt)  # ends as ctrl-C does: the axis stopped and back in place
     try:
@@ -129,15 +132,17 @@ def on_rig(config: RigConfig, path: Path, excitation: live.Wishes, wishes: Wishe
         raise CalibrationError(str(error)) from error
     lag = config.sensors[axis.sensor].lag
     found = respond(stretches, wishes.gain, wishes.delay, lag)
-    predicted = None
-    if wishes.predict:
-        from seod.respond.predict import predict  # noqa: PLC0415 - the compiled plant
-
-        if config.simulation is None:
-            raise RespondError("--predict needs a plant: `simulation:` in the rig file")
-        e_a = axis.relay.e_a if cycle is None else cycle.e_a
-        predicted = predict(config, name, drives, e_a, K_L or found.fit.plant.K_L)
+    e_a = axis.relay.e_a if cycle is None else cycle.e_a
+    predicted = _predicted(config, name, drives, e_a, K_L or found.fit.plant.K_L) if wishes.predict else None
     return _told(found, name, stretches[0].output, wishes, cycle, predicted)
+
+
+def _predicted(
+    config: RigConfig, name: str, drives: Sequence[Excitation], e_a: float, K_L: float
+) -> Prediction:
+    from seod.respond.predict import predict  # noqa: PLC0415 - the compiled plant
+
+    return predict(config, name, drives, e_a, K_L)
 
 
 def _interrupt(*_: object) -> None:

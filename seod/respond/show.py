@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.respond.fit import Fit
+    from seod.respond.points import Points
     from seod.respond.predict import Prediction
     from seod.respond.record import Output
     from seod.respond.relay import LimitCycle
@@ -37,27 +38,12 @@ def as_json(
     response: Response, output: Output, cycle: LimitCycle | None = None, predicted: Prediction | None = None
 ) -> dict[str, Any]:
     """Everything; see docs/response.md. What is undefined is None."""
-    found = response.points
-    rows = zip(found.omega, found.G, found.sd, found.coherence, found.volts, strict=True)
-    phases = np.degrees(_phase(found.G))
     return {
         "output": output,
         "quality": response.quality,
         "message": response.message or None,
         "periodic": response.periodic,
-        "points": [
-            {
-                "omega": float(omega),
-                "gain": float(abs(G)),
-                "phase": float(phase),
-                "real": float(G.real),
-                "imag": float(G.imag),
-                "sd": float(sd),
-                "coherence": float(coherence),
-                "volts": float(volts),
-            }
-            for (omega, G, sd, coherence, volts), phase in zip(rows, phases, strict=True)
-        ],
+        "points": _points_json(response.points),
         "distortion": {"odd": _distortion(response, True), "even": _distortion(response, False)},
         "fit": _fit_json(response.fit),
         "fit_without_delay": _fit_json(response.without_delay),
@@ -65,6 +51,21 @@ def as_json(
         "difference": None if cycle is None else difference(response.fit.plant, cycle.plant),
         "predicted": None if predicted is None else _predicted_json(predicted),
     }
+
+
+def _points_json(found: Points) -> list[dict[str, float]]:
+    columns = {
+        "omega": found.omega,
+        "gain": np.abs(found.G),
+        "phase": np.degrees(_phase(found.G)),
+        "real": found.G.real,
+        "imag": found.G.imag,
+        "sd": found.sd,
+        "coherence": found.coherence,
+        "volts": found.volts,
+    }
+    rows = np.stack(list(columns.values()), axis=1).tolist()
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def _distortion(response: Response, odd: bool) -> dict[str, Any] | None:
@@ -179,18 +180,7 @@ def plot(response: Response, output: Output, cycle: LimitCycle | None, title: st
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     _draw_points(gain, phase, response)
-    omega = np.geomspace(response.points.omega[0] / 1.5, response.points.omega[-1] * 1.5, 400)
-    curves = [
-        ("response, fitted", response.fit.plant, {"color": "tab:gray", "linestyle": "--", "linewidth": 1.0})
-    ]
-    if cycle is not None:
-        curves.append(
-            (f"limit cycle, {cycle.e_a:.3g} V", cycle.plant, {"color": "tab:red", "linewidth": 1.4})
-        )
-    for label, plant, style in curves:
-        G = model(plant, omega, output)
-        gain.plot(omega, _decibel(G), label=label, **style)
-        phase.plot(omega, np.degrees(_phase(G)), **style)
+    _draw_curves(gain, phase, response, cycle, output)
     gain.set_title(title, fontsize=10)
     gain.set_ylabel("position / voltage [dB]" if output == "position" else "speed / voltage [dB]")
     phase.set_ylabel("phase [deg]")
@@ -211,6 +201,21 @@ def _draw_points(gain: Any, phase: Any, response: Response) -> None:
         omega, _decibel(G), INTERVAL * 20.0 / math.log(10.0) * spread, label="response, points", **bars
     )
     phase.errorbar(omega, np.degrees(_phase(G)), np.degrees(INTERVAL * spread), **bars)
+
+
+def _draw_curves(gain: Any, phase: Any, response: Response, cycle: LimitCycle | None, output: Output) -> None:
+    omega = np.geomspace(response.points.omega[0] / 1.5, response.points.omega[-1] * 1.5, 400)
+    curves = [
+        ("response, fitted", response.fit.plant, {"color": "tab:gray", "linestyle": "--", "linewidth": 1.0})
+    ]
+    if cycle is not None:
+        curves.append(
+            (f"limit cycle, {cycle.e_a:.3g} V", cycle.plant, {"color": "tab:red", "linewidth": 1.4})
+        )
+    for label, plant, style in curves:
+        G = model(plant, omega, output)
+        gain.plot(omega, _decibel(G), label=label, **style)
+        phase.plot(omega, np.degrees(_phase(G)), **style)
 
 
 def _decibel(G: Any) -> Any:

@@ -270,3 +270,11 @@ def test_any_data_give_a_word_or_a_reason(seed, kind) -> None:
     except RespondError:
         quality = "refused"
     assert quality in ("refused", "ok", "noisy", "nonlinear", "out_of_range")
+
+
+def test_windows_of_a_relay_whose_phase_wanders_are_laid_upon_each_other() -> None:
+    t = np.arange(8000) / RATE
+    u = np.sign(np.sin(2 * np.pi * t / 0.08 + 0.6 * np.sin(2 * np.pi * t / 7.0)))
+    found = spectra(Stretch("relay", t, u, t, u, period=0.08))
+    fifth = found.u[:, 4]
+    assert abs(fifth.mean()) > 0.95 * np.sqrt(np.mean(np.abs(fifth) ** 2))
