@@ -6,6 +6,8 @@
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
+# several threads of a linear algebra library wait for each other longer than they compute
+export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
