@@ -126,7 +126,7 @@ def test_check_says_what_is_wrong_with_file_and_line(tmp_path):
 def test_rig_is_only_for_simulated_rigs_on_a_bus():
     code, _, err = invoke("rig", configs_dir() / "virtual.yaml")
     assert code == 1
-    assert "`seod rig` needs kind: can" in err
+    assert "`seod rig` needs can or serial" in err
 
 
 def test_attending_needs_a_port_that_is_known(tmp_path):

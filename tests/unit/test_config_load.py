@@ -184,7 +184,7 @@ WIRING = [
     ("dbc: motor.dbc ", "dbc: moter.dbc ", "driver.dbc", "moter.dbc"),
     ("node: seod ", "node: soed ", "driver.node", "seod"),
     ("    Supply:\n", "    Suply:\n", "driver.messages", "Supply"),
-    ("kind: can\n", "kind: cna\n", "driver.kind", "known kinds: can, replay, virtual"),
+    ("kind: can\n", "kind: cna\n", "driver.kind", "known kinds: can, replay, serial, virtual"),
 ]  # fmt: skip
 
 

@@ -104,5 +104,5 @@ def test_rigs_that_no_other_process_reaches_say_so() -> None:
     writer = open_neutral({"kind": "none", "why": "it is simulated"})
     assert isinstance(writer, NoNeutral)
     assert writer.write(3) == "it is simulated"
-    with pytest.raises(ValueError, match="'serial'"):
-        open_neutral({"kind": "serial"})
+    with pytest.raises(ValueError, match="'pigeon'"):
+        open_neutral({"kind": "pigeon"})
