@@ -1,7 +1,7 @@
 """Simulation of windows of a recording: the valve from the recording's start, the load anew in each window.
 
-What the command does before it acts on the load (delay, saturation, hysteresis, the spool's lag) depends on the
-command alone, which is known from the start. Where the load was at a window's beginning is not: it is given.
+What the command does before it acts on the load (delay, saturation, hysteresis, the spool's lag) depends on
+the command alone, which is known from the start. Where the load was when a window began is not: it is given.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a diagnosis says: the contract of `seod diagnose --json`, and the arrays that a report draws.
 
-NRMSE is sqrt(sum e^2 / sum (y - mean)^2), sums pooled over windows, mean per window, of simulations whose initial
-state was fitted on the window's first fifth, which is not scored.
+NRMSE is sqrt(sum e^2 / sum (y - mean)^2), sums pooled over windows, mean per window, of simulations whose
+initial state was fitted on the window's first fifth, which is not scored.
 """
 
 from __future__ import annotations

@@ -1,0 +1,232 @@
+"""Least squares of simulated windows to measured ones, each with an initial state of its own.
+
+What is minimised is the mean of the windows' log errors, so that one bad window has no veto: Gauss and Newton
+with Levenberg's and Marquardt's damping, each window weighted by its own error. Initial states are eliminated
+by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from seod.diagnose.simulate import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from seod.diagnose.answer import Array, Mask
+    from seod.diagnose.model import Model
+    from seod.diagnose.windows import Cut
+
+    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+
+STEP: Final = 1e-3
+"""Change of a searched number by which derivatives are taken."""
+LARGEST: Final = 1.0
+"""Change of a searched number in one step, at most."""
+ENOUGH: Final = 1e-4
+"""Improvement of the mean log error below which a search has ended."""
+_TRIALS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A model fitted to windows.
+
+    Attributes:
+        model: It.
+        x: Searched numbers, shape (p,).
+        start: Initial states, shape (w, 5).
+        error: Mean squared error of each window, shape (w,).
+        cost: Mean of the windows' log errors, by rows.
+        curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
+    """
+
+    model: Model
+    x: Array
+    start: Array
+    error: Array
+    cost: float
+    curvature: Array
+
+
+def fit(
+    model: Model, cut: Cut, x: Array, start: Array, most: int = 15, each: Each = map, free: Mask | None = None
+) -> Fitted:
+    """Search from `x` and initial states `start`; `free` tells which numbers are searched, None: all."""
+    search = _Search(model, cut, each, np.ones(len(x), np.bool_) if free is None else free)
+    return search.run(x, start, most)
+
+
+class _Search:
+    def __init__(self, model: Model, cut: Cut, each: Each, free: Mask) -> None:
+        self.model, self.cut, self.each, self.free = model, cut, each, np.flatnonzero(free)
+        self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
+        self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
+        self.floor = (1e-3 * cut.noise) ** 2 + 1e-300
+        low, high = model.bounds
+        self.low, self.high = low, high
+
+    def run(self, x: Array, start: Array, most: int) -> Fitted:
+        residual, error = self.tried(x, start)
+        curvature = np.zeros((len(x), len(x)))
+        damping = 1e-2
+        for _ in range(most):
+            before = self.cost(error)
+            parts = self.derivatives(x, start, residual, error)
+            curvature = parts.curvature()
+            for _ in range(_TRIALS):
+                step, states = parts.step(damping, self.low - x, self.high - x)
+                found = self.better(x + step, start, states, error)
+                if found is not None:
+                    break
+                damping *= 6.0
+            else:
+                break
+            x, damping = x + step, max(damping / 6.0, 1e-9)
+            start, residual, error = found
+            if before - self.cost(error) < ENOUGH:
+                break
+        return Fitted(self.model, x, start, error, self.cost(error), curvature)
+
+    def cost(self, error: Array) -> float:
+        """Mean log error."""
+        return float(self.count @ np.log(error + self.floor)) / float(self.count.sum())
+
+    def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
+        """Residual where there are samples, and each window's mean squared error."""
+        simulated = simulate(self.model.record(x), self.cut, start)
+        residual = np.where(self.good, self.y - simulated, 0.0)
+        residual = np.nan_to_num(residual, nan=1e150, posinf=1e150, neginf=-1e150)
+        square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
+        return residual, square / np.maximum(self.count, 1)
+
+    def better(
+        self, x: Array, start: Array, states: Array, error: Array
+    ) -> tuple[Array, Array, Array] | None:
+        """The step's initial states, residual and errors if it is an improvement.
+
+        A window that its new initial state makes worse keeps the old one.
+        """
+        new = start + states
+        residual, now = self.tried(x, new)
+        worse = ~(now < error)
+        if worse.any():
+            kept, old = self.tried(x, start)
+            back = worse & (old < now)
+            new[back], now[back] = start[back], old[back]
+            for w in np.flatnonzero(back):
+                residual[self.slices[w]] = kept[self.slices[w]]
+        return (new, residual, now) if self.cost(now) < self.cost(error) else None
+
+    def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> _Normal:
+        """Normal equations of all windows."""
+        base = self.y - residual
+        states, sizes = self.model.states, self.model.state_sizes
+        trials = []
+        for column in states:
+            moved = start.copy()
+            moved[:, column] += sizes[column]
+            trials.append((x, moved))
+        steps = np.where(x + STEP > self.high, -STEP, STEP)
+        for k in self.free:
+            other = x.copy()
+            other[k] += steps[k]
+            trials.append((other, start))
+        simulated = list(
+            self.each(lambda trial: simulate(self.model.record(trial[0]), self.cut, trial[1]), trials)
+        )
+        divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
+        columns = [np.where(self.good, (s - base) / d, 0.0) for s, d in zip(simulated, divisors, strict=True)]
+        every = np.stack([*columns, residual], axis=1)
+        weights = 1.0 / (error + self.floor)
+        products = [
+            w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
+        ]
+        return _Normal(np.array(products), states, sizes, self.free, len(x))
+
+
+class _Normal:
+    """Weighted products of the columns, states first and residual last, of each window: shape (w, m, m)."""
+
+    def __init__(self, products: Array, states: list[int], sizes: Array, free: Any, unknowns: int) -> None:
+        self.products, self.states, self.sizes = products, states, sizes
+        self.free, self.unknowns = free, unknowns
+        count = len(states)
+        own = products[:, :count, :count]
+        ridge = 1e-9 * np.einsum("wii->wi", own) + 1e-12 * np.trace(own, axis1=1, axis2=2)[:, None] + 1e-200
+        own = own + ridge[:, :, None] * np.eye(count)
+        self.solved = np.linalg.solve(own, products[:, :count, count:])
+        self.left = products[:, count:, count:] - np.swapaxes(products[:, :count, count:], 1, 2) @ self.solved
+        self.total = self.left.sum(axis=0)
+
+    def curvature(self) -> Array:
+        """Of all searched numbers, zero for those that are not free."""
+        out = np.zeros((self.unknowns, self.unknowns))
+        out[np.ix_(self.free, self.free)] = self.total[:-1, :-1]
+        return out
+
+    def step(self, damping: float, low: Array, high: Array) -> tuple[Array, Array]:
+        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 5)."""
+        step = np.zeros(self.unknowns)
+        if len(self.free):
+            step[self.free] = self._solved(damping, low[self.free], high[self.free])
+        own = self.solved[:, :, -1] - self.solved[:, :, :-1] @ step[self.free]
+        states = np.zeros((len(own), 5))
+        states[:, self.states] = own * self.sizes[self.states]
+        return step, states
+
+    def _solved(self, damping: float, low: Array, high: Array) -> Array:
+        matrix, right = self.total[:-1, :-1], self.total[:-1, -1]
+        diagonal = np.maximum(matrix.diagonal(), 1e-12 * float(np.max(matrix.diagonal())) + 1e-300)
+        damped = matrix + damping * np.diag(diagonal)
+        active = np.ones(len(right), np.bool_)
+        step = np.zeros(len(right))
+        for _ in range(3):  # those that run into a bound stay there, the others are solved anew
+            where = np.flatnonzero(active)
+            if not len(where):
+                break
+            fixed = ~active
+            rest = right[where] - damped[np.ix_(where, np.flatnonzero(fixed))] @ step[fixed]
+            step[where] = np.linalg.lstsq(damped[np.ix_(where, where)], rest, rcond=1e-14)[0]
+            step = np.clip(step, np.maximum(low, -LARGEST), np.minimum(high, LARGEST))
+            bound = active & ((step <= low) | (step >= high))
+            if not bound.any():
+                break
+            active &= ~bound
+        return step
+
+
+def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
+    """Initial states fitted to these `rows` only, the parameters given; shape (w, 5)."""
+    search = _Search(model, cut, map, np.zeros(len(x), np.bool_))
+    search.good = search.good & rows
+    search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
+    return search.run(x, start, most).start
+
+
+def linear_gain(model: Model, cut: Cut, omega_n: float, zeta: float, start: Array) -> tuple[float, float]:
+    """K_L that fits best at this omega_n and zeta, the initial states being free, and the cost it leaves.
+
+    Exact for Eq. 1, whose answer is linear in both; for the effects of a rig's file a guess.
+    """
+    search = _Search(model, cut, map, np.zeros(3, np.bool_))
+    x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
+    at_rest = simulate(model.record(x), cut, start)
+    columns = []
+    for column in model.states:
+        moved = start.copy()
+        moved[:, column] += model.state_sizes[column]
+        columns.append(simulate(model.record(x), cut, moved) - at_rest)
+    place = np.concatenate([np.full(n, s) for n, s in zip(cut.sizes, start[:, 2], strict=True)])
+    offset = np.zeros_like(place) if model.sees_speed else place
+    every = np.stack([*columns, at_rest - offset, search.y - offset], axis=1) * search.good[:, None]
+    products = np.array([every[piece].T @ every[piece] for piece in search.slices])
+    normal = _Normal(products, model.states, model.state_sizes, np.zeros(1, int), 1)
+    gain, power = float(normal.total[0, 1]), max(float(normal.total[0, 0]), 1e-300)
+    K_L = gain / power
+    error = normal.left[:, 1, 1] - 2.0 * K_L * normal.left[:, 0, 1] + K_L**2 * normal.left[:, 0, 0]
+    return K_L or 1e-9, search.cost(np.maximum(error, 0.0) / search.count)
