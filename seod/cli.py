@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from seod import PROTOCOL, __version__
-from seod.commands import identify, on_rig, over_tcp, recordings, simulate  # noqa: F401 - they register themselves
+from seod.commands import diagnose, identify, on_rig, over_tcp, recordings, simulate  # noqa: F401 - they register themselves
 from seod.commands.common import app, show
 
 

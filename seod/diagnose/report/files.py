@@ -1,0 +1,69 @@
+"""Writes what `--out DIR` asks for: report.html, diagnosis.json and the extended rig file."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from seod.config.errors import ConfigErrors
+from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.rig_file import into_config, new_rig_file
+from seod.diagnose.extend.seen import seen
+from seod.diagnose.report.page import page
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from seod.config.model import RigConfig
+    from seod.data import Recording
+    from seod.diagnose.answer import Diagnosis
+
+REPORT, ANSWER, RIG = "report.html", "diagnosis.json", "extended.yaml"
+"""Names of the files."""
+
+
+def write(
+    out: Path, d: Diagnosis, recordings: Sequence[Recording], rig: tuple[Path, RigConfig, str] | None
+) -> list[str]:
+    """Write all three; returns what could not be written, in sentences.
+
+    Args:
+        out: Folder; made where it is not there.
+        d: The diagnosis.
+        recordings: What it is of.
+        rig: Rig file, what it says and the axis, if there is one.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    sources = [path.name for recording in recordings for path in recording.paths]
+    (out / REPORT).write_text(page(d, unit_of(recordings[0], d), sources), "utf-8")
+    (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
+    try:
+        text = extended_rig(d, recordings[0], rig)
+    except (ValueError, ConfigErrors) as error:
+        return [f"no extended rig file: {error}"]
+    (out / RIG).write_text(text, "utf-8")
+    return []
+
+
+def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> str:
+    """The extended model as a rig file: the user's own if it has a simulated plant, else a new one.
+
+    Raises:
+        ValueError, ConfigErrors: The model fits in neither.
+    """
+    e = d.extended
+    model = Model(e.K_L, e.omega_n, e.zeta, e.effects, d.noise_sd[0] if d.noise_sd else 0.0)
+    if rig is not None and rig[1].simulation is not None:
+        path, config, axis = rig
+        return into_config(path.read_text("utf-8-sig"), config, axis, model)
+    speed = d.output == "velocity"
+    return new_rig_file(model, seen(recording, speed), speed, recording.paths[0].name)
+
+
+def unit_of(recording: Recording, d: Diagnosis) -> str:
+    """Of y; `unit` where the file tells none."""
+    return recording.units.get("y", "") or ("unit/s" if d.output == "velocity" else "unit")
