@@ -22,7 +22,7 @@ BEFORE: Final = "#d1495b"
 AFTER: Final = "#1b6ca8"
 FLOOR: Final = "#8a8a8a"
 """Colours of the whole report: measurement, baseline, extended model, noise."""
-_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 26.0, 40.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 40.0, 40.0
 _COLUMNS: Final = 700
 """Columns of pixels that a dense line is thinned to: of each its lowest and highest point."""
 
@@ -71,9 +71,9 @@ class Chart:
         for curve in self.curves:
             if curve.label:
                 parts.append(
-                    f'<line x1="{at + 4:.0f}" x2="{at + 20:.0f}" y1="{_TOP + 8}" y2="{_TOP + 8}" '
+                    f'<line x1="{at + 4:.0f}" x2="{at + 20:.0f}" y1="{_TOP - 10}" y2="{_TOP - 10}" '
                     f'stroke="{curve.colour}" stroke-width="2" stroke-dasharray="{curve.dash}"/>'
-                    f'<text x="{at + 24:.0f}" y="{_TOP + 12}" class="legend">{escape(curve.label)}</text>'
+                    f'<text x="{at + 24:.0f}" y="{_TOP - 6}" class="legend">{escape(curve.label)}</text>'
                 )
                 at += 36 + 6.2 * len(curve.label)
         return "".join(parts)
@@ -155,7 +155,8 @@ def _placed(scale: Scale) -> Iterable[tuple[float, float]]:
 def _drawn(curve: Curve, across: Scale, up: Scale) -> str:
     x, y = across.pixels(curve.x), up.pixels(curve.y)
     if curve.to is not None:
-        back = up.pixels(curve.to)
+        back, kept = up.pixels(curve.to), np.isfinite(curve.x) & np.isfinite(curve.y)
+        x, y, back = x[kept], y[kept], back[kept]
         outline = _path(np.r_[x, x[::-1]], np.r_[y, back[::-1]])
         return f'<path d="{outline}Z" fill="{curve.colour}" fill-opacity="0.15" stroke="none"/>'
     if curve.dots:

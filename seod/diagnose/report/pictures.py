@@ -125,13 +125,13 @@ class Pictures:
     def planes(self) -> list[str]:
         """Residual force over position and velocity, before and after, in the same colours."""
         x, y = self._states("position"), self._states("velocity")
-        kinds = [("baseline", self.before), ("extended model", self.after)][: 1 + self.extended]
+        kinds = [("baseline", self.before), ("extended", self.after)][: 1 + self.extended]
         tables = [plane(x, y, np.concatenate([r.force for r in left])) for _, left in kinds]
         most = float(np.nanquantile(np.abs(tables[0][2]), 0.98)) if np.isfinite(tables[0][2]).any() else 1.0
         base = self._base
         return [
             Map(
-                f"Residual force of the {label} (full colour: {most:.3g} {base}/s²)",
+                f"Residual force, {label} (full colour {most:.3g} {base}/s²)",
                 f"position [{base}]",
                 f"velocity [{base}/s]",
                 *table,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.text import number
+from seod.text import number, with_sd
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -82,13 +82,8 @@ def interval(parameter: Parameter, unit: str) -> str:
         return f"{number(value)} {named}".strip()
     half = 0.5 * (high - low)
     if half > 0.0 and abs(high + low - 2.0 * value) < 0.2 * half:
-        return f"{_to_digit_of(value, half)} ± {number(half, 2)} {named}".strip()
+        return f"{with_sd(value, half)} {named}".strip()
     return f"{number(value)} [{number(low)}, {number(high)}] {named}".strip()
-
-
-def _to_digit_of(value: float, half: float) -> str:
-    """As many decimals as the interval has to say anything about."""
-    return f"{value:.{max(0, 1 - math.floor(math.log10(half)))}f}" if half < 1e6 else number(value)
 
 
 def in_unit(text: str, unit: str) -> str:
