@@ -52,7 +52,7 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings"}
+    assert set(answer) == {"axis", "state", "fault", "estimate", "controller", "settings", "model_error"}
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
         "e_a": 0.5,
@@ -142,7 +142,7 @@ async def test_list_tells_what_can_be_asked_for():
     async with running() as run, peer(run) as client:
         number = (await client.call("subscribe", topics=["event"]))["subscription"]
         listed = await client.call("list")
-        assert listed["topics"] == ["estimate", "sample", "event", "health"]
+        assert listed["topics"] == ["estimate", "sample", "event", "health", "model_error"]
         assert listed["axes"] == ["motor"]
         assert listed["subscriptions"] == [number]
         for method in listed["methods"]:
