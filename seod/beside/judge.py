@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from seod.beside.window import Array, Stretch
 
 SIGNIFICANT: Final = 6.0
-"""Of the statistic, which is standard normal where noise alone is left."""
+"""Of the statistic: noise alone makes it standard normal, the noise's own estimate about twice as wide."""
 TOLERANCE: Final = 0.05
 """Error over the movement's standard deviation that counts; real models are never better than 1 or 2 %."""
 IN_A_ROW: Final = 3
@@ -30,7 +30,7 @@ class ModelError:
         rms: Error of the simulation [axis unit, of a speed per s].
         nrmse: The same over the standard deviation of the samples.
         noise: Standard deviation of the samples' noise, from their high differences.
-        statistic: (rms^2 / noise^2 - 1) sqrt(n / 2): standard normal while the model holds.
+        statistic: (rms^2 / noise^2 - 1) sqrt(n / 2): a few units at most while the model holds.
         beyond: Both the noise and `TOLERANCE` are exceeded.
         model: `linear` or `kernel`.
     """

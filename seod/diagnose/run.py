@@ -9,7 +9,7 @@ from seod.config.units import UNITS
 from seod.data import read
 from seod.diagnose.command import Options, diagnose
 from seod.diagnose.progress import bar
-from seod.diagnose.report.files import RIG, unit_of, write
+from seod.diagnose.report.files import REPORT, RIG, unit_of, write
 from seod.diagnose.report.text import as_text
 
 if TYPE_CHECKING:
@@ -74,4 +74,4 @@ def output_of(recording: Recording, config: RigConfig | None, axis: str | None) 
 
 
 def _written(out: Path) -> str:
-    return f"{out}: report.html, diagnosis.json; {out / RIG} for `seod run` and `seod simulate`"
+    return f"{out / REPORT}: the report; {out / RIG}: the extended rig, for `seod run` and `seod simulate`"

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from drivers.can_config import CanOptions
 from seod.cli import app
 from seod.config.load import load_rig, load_text
 from seod.data import read
+from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.paths import configs_dir
 from seod.simulate.view import AxisView
+from sim.can_rig import CanRig
 
 EFFECTS = {"coulomb_friction": {"level": 400.0}, "valve_deadband": {"half_width": 0.05}}
 VIRTUAL = configs_dir() / "virtual.yaml"
@@ -127,3 +130,19 @@ def test_a_speed_becomes_velocity_mode(tmp_path):
     frequency, amplitude = limit_cycle(out)
     again = limit_cycle(tmp_path / "again.csv")
     assert again == pytest.approx((frequency, amplitude), rel=0.02)
+
+
+def test_the_same_rig_on_a_bus_moves_under_the_commands_of_the_bus(recorded, tmp_path):
+    """`seod rig`'s end of it, on python-can's `virtual` interface."""
+    found = seen(read(recorded, units="y=rad"), speed=False)
+    text = new_rig_file(Model(17.0, 117.0, 0.21, EFFECTS), found, False, recorded.name)
+    (tmp_path / DBC).write_text(dbc(load_text(text, "new", tmp_path)))
+    path = tmp_path / "extended-can.yaml"
+    path.write_text(checked(on_can(text, 2000.0), tmp_path))
+    config = load_rig(path)
+    simulate(path, tmp_path / "again.csv", "--duration", 3)
+    assert limit_cycle(tmp_path / "again.csv") == pytest.approx(limit_cycle(recorded), rel=0.05)
+    options = CanOptions.model_validate(config.driver | {"interface": "virtual", "channel": "extended"})
+    rig = CanRig(options, config.simulation)
+    assert rig.rig.constants == {}
+    assert [message.name for message in rig.messages] == ["Sensor"]

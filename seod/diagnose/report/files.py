@@ -1,4 +1,4 @@
-"""Writes what `--out DIR` asks for: report.html, diagnosis.json and the extended rig file."""
+"""Writes what `--out DIR` asks for: report.html, diagnosis.json and the extended rig."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import json
 from typing import TYPE_CHECKING
 
 from seod.config.errors import ConfigErrors
+from seod.config.load import load_text
+from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from seod.data import Recording
     from seod.diagnose.answer import Diagnosis
 
-REPORT, ANSWER, RIG = "report.html", "diagnosis.json", "extended.yaml"
+REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml", "extended-can.yaml"
 """Names of the files."""
 
 
@@ -42,11 +44,25 @@ def write(
     (out / REPORT).write_text(page(d, unit_of(recordings[0], d), sources), "utf-8")
     (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
     try:
-        text = extended_rig(d, recordings[0], rig)
+        write_rig(out, d, recordings[0], rig)
     except (ValueError, ConfigErrors) as error:
         return [f"no extended rig file: {error}"]
-    (out / RIG).write_text(text, "utf-8")
     return []
+
+
+def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> None:
+    """Write the extended rig: the user's own file with the model in it, or a new one, virtual and on CAN.
+
+    Raises:
+        ValueError, ConfigErrors: The model makes no rig.
+        OSError: A file cannot be written.
+    """
+    text = extended_rig(d, recording, rig)
+    (out / RIG).write_text(text, "utf-8")
+    if rig is None or rig[1].simulation is None:
+        config = load_text(text, RIG, out)
+        (out / DBC).write_text(dbc(config), "utf-8")
+        (out / CAN_RIG).write_text(checked(on_can(text, config.loop.rate_hz), out), "utf-8")
 
 
 def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> str:
