@@ -24,6 +24,10 @@ ALIKE = (
 """Not hidden together: two of one family."""
 
 
+MOST_JITTER = 0.35
+"""Ticks: more would exchange samples."""
+
+
 @dataclass(frozen=True)
 class Case:
     """What is hidden, and in what.
@@ -117,6 +121,8 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
         float(np.exp(random.uniform(-6.0, 0.0))),
     )
     tick = 1e-3 if omega_n < 100.0 else 5e-4
+    if "timing_jitter" in causes:  # seen where the signal runs far within the jitter
+        tick = min(0.3 / omega_n, 4e-3)
     duration = 20.0 if omega_n > 80.0 else 30.0
     latency = float(random.choice([0.0, 0.0, 3e-4]))
     kind_of_drive = excitation or str(random.choice(EXCITATIONS))
@@ -152,7 +158,10 @@ def _defect(cause, wanted, noise, z, tick, random) -> dict[str, float]:
         return {"rate": float(random.uniform(0.002, 0.02)), "size": 4.0 * wanted * noise}
     if cause == "missing_samples":
         return {"part": float(random.uniform(0.002, 0.05)), "length": float(random.uniform(1.0, 10.0))}
-    return {"jitter": wanted * noise / z.slope}
+    jitter = wanted * noise / z.slope
+    if jitter > MOST_JITTER * tick:
+        raise Invisible(cause)
+    return {"jitter": jitter}
 
 
 def _of_visibility(case, cause, wanted, z, d):
