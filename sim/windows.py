@@ -17,8 +17,9 @@ from sim.runs import condition
 
 Array = np.ndarray
 
-START = ("pressure", "velocity", "position", "velocity2", "position2")
-"""Columns of a window's initial state: as in `sim.state`, the second inertia's relative to the first."""
+START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged")
+"""Columns of a window's initial state: as in `sim.state`, but the second inertia's relative to the first, and
+what is behind the sensor's lag relative to where it would be had the speed been steady."""
 
 
 @compiled
@@ -50,7 +51,7 @@ def follow_windows(
         warmth: Temperature above nominal [K], shape (n,) or (0,).
         first: First row of each window, ascending, shape (w,).
         last: Row after its last, at most the next window's first.
-        start: Initial states, `START`, shape (w, 5).
+        start: Initial states, `START`, shape (w, 6).
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
         inside: Pressure, velocity and position likewise, shape (n, 3), or (0, 3).
     """
@@ -87,7 +88,7 @@ def _spool(p: Record, v: Record, t: float) -> None:
 
 @compiled
 def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
-    """A window's first state: what lags the load is taken to have kept up with it."""
+    """A window's first state."""
     s.t, s.target, s.spool = v.t, v.target, v.spool
     s.pressure, s.velocity, s.position = start[0], start[1], start[2]
     s.velocity2, s.position2 = s.velocity + start[3], s.position + start[4]
@@ -96,9 +97,10 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
         s.motion = 0.0
     s.stopped = s.bristle = 0.0
     s.followed = s.position - math.copysign(0.5 * p.backlash_gap, s.velocity)
-    s.lagged = s.velocity - p.sensor_lag_time * s.pressure
+    steady = s.velocity - p.sensor_lag_time * s.pressure
     if not p.measures_speed:
-        s.lagged = rippled(p, s.followed) - p.sensor_lag_time * s.velocity
+        steady = rippled(p, s.followed) - p.sensor_lag_time * s.velocity
+    s.lagged = steady + start[5]
 
 
 @inlined

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.coordinates import Scales
 from seod.diagnose.fit import fit, linear_gain
-from seod.diagnose.model import baseline_model
-from seod.diagnose.simulate import inside
-from seod.diagnose.windows import Cut, dominant_hz
+from seod.diagnose.model import BASE, baseline_model
+from seod.diagnose.simulate import STATES, inside
+from seod.diagnose.windows import Cut, dominant_hz, pieces, sample
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,11 +28,16 @@ WIDTH: Final = (0.3, 60.0)
 """Searched frequencies over the dominant one."""
 KEPT: Final = 3
 """Cells of the grid from which the search goes on."""
+GRID_S: Final = 3.0
+"""Of windows in which the grid is searched."""
+SHORT_S: Final = 0.25
+SHORT_ROWS: Final = 100
+"""Least length of the short pieces [s, samples]."""
 
 
 def measured_places(cut: Cut) -> Array:
-    """Initial states as far as samples show them: positions, or of speeds their integral; shape (w, 5)."""
-    start = np.zeros((len(cut.windows), 5))
+    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 6)."""
+    start = np.zeros((len(cut.windows), STATES))
     for w, (k, first, last) in enumerate(cut.windows):
         one = cut.series[k]
         rows = first + np.flatnonzero(one.good[first:last])[:1]
@@ -45,7 +51,7 @@ def _travelled(one: Series) -> Array:
 
 
 def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
-    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 5)."""
+    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 6)."""
     start = measured_places(cut)
     record = model.record(x)
     for k in {of for of, _, _ in cut.windows}:
@@ -57,56 +63,83 @@ def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def baseline_starts(
-    cut: Cut, tick: float, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]]
-) -> list[tuple[Model, Array]]:
-    """The best cells of a grid over omega_n and zeta, K_L solved for in each."""
+def baseline(
+    cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map
+) -> tuple[Fitted, Fitted]:
+    """Eq. 1, with the effects that the rig's file has, fitted from several starts; and a local one.
+
+    The local one was fitted to short pieces with a free load bias, which slow effects hardly touch: where Eq.
+    1 alone is far off it is nearer to the plant.
+    """
+    few = sample(cut, GRID_S)
+    short = pieces(few, max(SHORT_S, SHORT_ROWS * max(one.tick for one in cut.series)))
+    cells = _cells(short, sees_speed, fixed, each)[:KEPT]
+    local = min(each(lambda cell: _biased(cell, short), cells), key=lambda one: one.cost)
+    starts = [local, *_cells(few, sees_speed, fixed, each)[: KEPT - 1]]
+    found: list[Fitted] = list(each(lambda cell: _plain(cell, cut), starts))
+    model, x = _begun(local, cut)
+    nothing = np.zeros(len(x), np.bool_)
+    near = fit(model, cut, x, simulated_states(model, x, cut), free=nothing)
+    return min(found, key=lambda one: one.cost), near
+
+
+class _Cell(NamedTuple):
+    """A start: K_L, a load bias, omega_n and zeta, sorted by the cost."""
+
+    cost: float
+    K_L: float
+    bias: float
+    omega_n: float
+    zeta: float
+    sees_speed: bool
+    fixed: Mapping[str, Mapping[str, float]]
+
+
+def _cells(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each) -> list[_Cell]:
+    """A grid over omega_n and zeta, K_L and a load bias solved for in each cell; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
-    frequencies = np.geomspace(WIDTH[0] * omega, min(WIDTH[1] * omega, 0.5 / tick), FREQUENCIES)
-    cells = []
-    for omega_n in frequencies.tolist():
-        for zeta in DAMPINGS:
-            model = baseline_model(_rough(cut, omega_n, tick), 1.0, sees_speed, fixed)
-            K_L, cost = linear_gain(model, cut, omega_n, zeta, measured_places(cut))
-            cells.append((cost, K_L, omega_n, zeta))
-    cells.sort()
-    return [_cell(cut, tick, sees_speed, fixed, *cell[1:]) for cell in cells[:KEPT]]
+    frequencies = np.geomspace(WIDTH[0] * omega, min(WIDTH[1] * omega, 0.5 / one.tick), FREQUENCIES)
+    places = measured_places(cut)
+
+    def cell(at: tuple[float, float]) -> _Cell:
+        omega_n, zeta = at
+        model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed)
+        x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
+        K_L, bias, cost = linear_gain(model, cut, x, places)
+        return _Cell(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
+
+    return sorted(each(cell, product(frequencies.tolist(), DAMPINGS)), key=lambda one: one.cost)
 
 
-def _cell(
-    cut: Cut,
-    tick: float,
-    sees_speed: bool,
-    fixed: Mapping[str, Mapping[str, float]],
-    K_L: float,
-    omega_n: float,
-    zeta: float,
-) -> tuple[Model, Array]:
-    model = baseline_model(_rough(cut, omega_n, tick), math.copysign(1.0, K_L), sees_speed, fixed)
-    return model, model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
+def _begun(cell: _Cell, cut: Cut) -> tuple[Model, Array]:
+    sign = math.copysign(1.0, cell.K_L)
+    model = baseline_model(_rough(cut, cell.omega_n), sign, cell.sees_speed, cell.fixed)
+    return model, model.searched({"K_L": cell.K_L, "omega_n": cell.omega_n, "zeta": cell.zeta})
 
 
-def _rough(cut: Cut, omega_n: float, tick: float) -> Scales:
+def _rough(cut: Cut, omega_n: float) -> Scales:
     """Sizes as far as the samples alone show them."""
     y = cut.gathered("y")[cut.good]
     size = max(float(np.std(y)), 1e-12)
+    tick = max(one.tick for one in cut.series)
     return Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
 
 
-def baseline(
-    cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map
-) -> Fitted:
-    """Eq. 1, with the effects that the rig's file has, fitted from several starts."""
-    tick = max(one.tick for one in cut.series)
-    starts = baseline_starts(cut, tick, sees_speed, fixed)
-    found: list[Fitted] = list(each(lambda start: fit(*_from(start, cut), most=20), starts))
-    return min(found, key=lambda one: one.cost)
+def _plain(cell: _Cell, cut: Cut) -> Fitted:
+    model, x = _begun(cell, cut)
+    return fit(model, cut, x, simulated_states(model, x, cut), most=20)
 
 
-def _from(start: tuple[Model, Array], cut: Cut) -> tuple[Model, Cut, Array, Array]:
-    model, x = start
-    return model, cut, x, simulated_states(model, x, cut)
+def _biased(cell: _Cell, cut: Cut) -> _Cell:
+    """The cell after a fit with a free load bias."""
+    plain, x = _begun(cell, cut)
+    model = plain.with_effect("load_bias")
+    x = model.searched({**plain.values(x), "load_bias.acceleration": cell.bias})
+    found = fit(model, cut, x, simulated_states(model, x, cut), most=20)
+    values = model.values(found.x)
+    K_L, omega_n, zeta = (values[name] for name in BASE)
+    return cell._replace(cost=found.cost, K_L=K_L, omega_n=omega_n, zeta=zeta)
 
 
 def scales(fitted: Fitted, cut: Cut) -> Scales:

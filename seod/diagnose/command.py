@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.answer import Diagnosis, Unexplained
-from seod.diagnose.begin import baseline, simulated_states
+import numpy as np
+
+from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.conclude import Found, answered
+from seod.diagnose.defects import examine
 from seod.diagnose.fit import fit
-from seod.diagnose.score import drawn, held_out, score, wholes, windows
-from seod.diagnose.windows import cut, pieces, sample, series
+from seod.diagnose.name import Chosen, found_effects
+from seod.diagnose.score import held_out
+from seod.diagnose.screen import screen
+from seod.diagnose.select import finalists, grow, refined, thinned
+from seod.diagnose.windows import cut, pieces, series
+from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from seod.config.model import RigConfig
     from seod.data import Recording
-    from seod.diagnose.answer import Output
+    from seod.diagnose.answer import Diagnosis, Output
+    from seod.diagnose.coordinates import Scales
+    from seod.diagnose.fit import Each, Fitted
+    from seod.diagnose.screen import Screen
+    from seod.diagnose.windows import Cut
+    from sim.config import PlantConfig
 
     Progress = Callable[[str, float], None]
 
-SCREENED_S: Final = 6.0
-"""Of windows on which all causes are tried."""
+DIFFERENT: Final = 0.05
+"""Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
 WORKERS: Final = 2
 
 
@@ -60,36 +72,77 @@ def diagnose(
     """
     wishes = options or Options()
     sees_speed = wishes.output == "velocity"
-    every = [series(each, sees_speed=sees_speed) for each in (*recordings, *holdout)]
+    checked = [examine(each) for each in (*recordings, *holdout)]
+    nominal = _nominal(wishes)
+    every = [
+        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **nominal)
+        for each, defects in zip((*recordings, *holdout), checked, strict=True)
+    ]
     to_fit, aside = cut(every, len(holdout))
     with ThreadPoolExecutor(WORKERS) as pool:
-        progress("fitting Eq. 1", 0.0)
-        small = pieces(to_fit)
-        first = baseline(sample(small, SCREENED_S), sees_speed, _known(wishes), pool.map)
-        base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=pool.map)
-    held = held_out(base.model, base.x, aside)
-    simulated, whole_nrmse, diverged = wholes(base.model, base.x, aside)
-    told = score(base.model, base.x, held, whole_nrmse, diverged, {})
+        found = _search(to_fit, aside, sees_speed, _known(wishes), pool.map, progress)
+    progress("comparing", 0.9)
+    answer = answered(found, to_fit, aside, checked, wishes.output)
     progress("done", 1.0)
-    return Diagnosis(
-        verdict="clean" if held.adequacy < 1.2 else "unexplained",
-        baseline=told,
-        effects=(),
-        extended=told,
-        noise_floor_nrmse=held.floor,
-        unexplained=Unexplained(0.0 if held.adequacy < 1.2 else 1.0),
-        next_experiment=None,
-        output=wishes.output,
-        noise_sd=tuple(one.noise for one in every),
-        adequacy=held.adequacy,
-        windows=tuple(windows(held, held, aside=True)),
-        whole=drawn(aside, simulated, simulated),
-    )
+    return answer
+
+
+def _search(
+    to_fit: Cut,
+    aside: Cut,
+    sees_speed: bool,
+    known: Mapping[str, Mapping[str, float]],
+    each: Each,
+    progress: Progress,
+) -> Found:
+    progress("fitting Eq. 1", 0.0)
+    small = pieces(to_fit)
+    screened = screen(small, each)
+    first, near = baseline(screened.cut, sees_speed, known, each)
+    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
+    sizes = scales(near, screened.cut)
+    roots = _roots(base, near, sizes, screened)
+    progress("trying causes", 0.1)
+    grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
+    progress("fitting the best", 0.6)
+    complete = [refined(each, small, screened) for each in finalists(grown.best) if each.model.names]
+    best = min(complete, key=lambda one: one.cost) if complete else base
+    best, without = thinned(best, small, screened)
+    progress("measuring the gain", 0.8)
+    held = held_out(best.model, best.x, aside)
+    chosen = Chosen(best, without, small, held)
+    effects = found_effects(chosen, aside, screened, grown.tried)
+    return Found(base, held_out(base.model, base.x, aside), chosen, tuple(effects), grown)
+
+
+def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[Fitted]:
+    """The baseline, and the local fit where it differs: with sizes by which effects are scaled."""
+    model = replace(base.model, scales=sizes)
+    roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
+    other = replace(near.model, scales=sizes)
+    if np.any(np.abs(base.x - near.x) > DIFFERENT) or model.coordinates[0] != other.coordinates[0]:
+        nothing = np.zeros(len(near.x), np.bool_)
+        roots.append(fit(other, screened.cut, near.x, screened.start(other, near.x), free=nothing))
+    return roots
+
+
+def _plant(wishes: Options) -> PlantConfig | None:
+    if wishes.config is None or wishes.config.simulation is None:
+        return None
+    plants = wishes.config.simulation.plants
+    return plants.get(wishes.axis or "") or next(iter(plants.values()))
 
 
 def _known(wishes: Options) -> Mapping[str, Mapping[str, float]]:
-    """Effects of the rig's model."""
-    if wishes.config is None or wishes.config.simulation is None:
+    """Effects of the rig's model, but for defects of records."""
+    plant = _plant(wishes)
+    effects = {} if plant is None else plant.effects
+    return {name: values for name, values in effects.items() if EFFECTS[name].enters != "record"}
+
+
+def _nominal(wishes: Options) -> dict[str, float | None]:
+    """Supply pressure and temperature at which the rig's model is what its file says."""
+    plant = _plant(wishes)
+    if plant is None:
         return {}
-    plants = wishes.config.simulation.plants
-    return plants[wishes.axis or next(iter(plants))].effects
+    return {"nominal_ps": plant.nominal_pressure, "nominal_temperature": plant.nominal_temperature}

@@ -38,7 +38,9 @@ class Coordinate:
 
     def value(self, x: float) -> float:
         """The parameter at the searched number."""
-        return self.scale * math.exp(x) if self.logarithm else self.scale * x
+        if self.logarithm:
+            return self.scale * min(max(math.exp(x), self.low), self.high)
+        return min(max(self.scale * x, self.low), self.high)
 
     def searched(self, value: float) -> float:
         """The searched number of a parameter, within its bounds."""
@@ -97,7 +99,7 @@ def base(sign: float, tick_s: float) -> tuple[Coordinate, ...]:
     """K_L, omega_n and zeta; `sign` is that of K_L."""
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, 1e-2, 1.5 / tick_s),
+        Coordinate("omega_n", 1.0, 2.0, 1.5 / tick_s),
         Coordinate("zeta", 1.0, 1e-3, 30.0),
     )
 
@@ -193,7 +195,7 @@ def _load(s: Scales) -> dict[str, Group]:
     }
     resonance = {
         **_sized("load_resonance.inertia", 1e-3, 10.0),
-        **_sized("load_resonance.omega", 0.1 * s.omega_n, min(20.0 * s.omega_n, 2.0 / s.tick_s)),
+        **_sized("load_resonance.omega", max(0.1 * s.omega_n, 1.0), min(20.0 * s.omega_n, 2.0 / s.tick_s)),
         **_sized("load_resonance.zeta", 2e-3, 0.5),
     }
     return {
@@ -210,7 +212,10 @@ def _load(s: Scales) -> dict[str, Group]:
             *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15))),
         ),
         **_group("load_resonance", resonance, *((0.2, x * s.omega_n, 0.05) for x in (0.6, 1.3, 2.5, 5.0))),
-        **_group("periodic_disturbance", _wave("periodic_disturbance", 0.05 * size, 1e-2, 3.0 / s.tick_s)),
+        **_group(
+            "periodic_disturbance",
+            _wave("periodic_disturbance", 0.05 * size, 0.03 / s.span_s, 1e-2, 3.0 / s.tick_s),
+        ),
     }
 
 
@@ -221,7 +226,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
             _sized("backlash.gap", 1e-4 * s.swing, 2.0 * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
-        **_group("position_ripple", _wave("position_ripple", 0.01 * s.swing, 1e-3, 1e6)),
+        **_group("position_ripple", _wave("position_ripple", 0.01 * s.swing, 0.03 / s.travel, 1e-3, 1e6)),
         **_group(
             "sensor_lag",
             _sized("sensor_lag.time", max(0.02 * s.tick_s, 1e-5), 0.1),
@@ -241,10 +246,11 @@ def _plant(s: Scales) -> dict[str, Group]:
     return _group("parameter_drift", drift, (0.1 * size,) * 3)
 
 
-def _wave(name: str, scale: float, low: float, high: float) -> dict[str, Coordinate]:
+def _wave(name: str, scale: float, narrow: float, low: float, high: float) -> dict[str, Coordinate]:
+    """`narrow` is a change of the wave's number by which its far end hardly moves."""
     number = f"{name}.{WAVES[name]}"
     return {
         **_signed(f"{name}.cosine", scale, 1e6),
         **_signed(f"{name}.sine", scale, 1e6),
-        number: Coordinate(number, 1.0, low, high),
+        number: Coordinate(number, narrow, low, high, logarithm=False),
     }

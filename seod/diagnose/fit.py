@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 STEP: Final = 1e-3
 """Change of a searched number by which derivatives are taken."""
 LARGEST: Final = 1.0
-"""Change of a searched number in one step, at most."""
+"""Change of a logarithm in one step, at most."""
+FARTHEST: Final = 30.0
+"""Change of another searched number in one step, at most."""
 ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
 _TRIALS: Final = 4
@@ -39,7 +41,7 @@ class Fitted:
     Attributes:
         model: It.
         x: Searched numbers, shape (p,).
-        start: Initial states, shape (w, 5).
+        start: Initial states, shape (w, 6).
         error: Mean squared error of each window, shape (w,).
         cost: Mean of the windows' log errors, by rows.
         curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
@@ -69,6 +71,7 @@ class _Search:
         self.floor = (1e-3 * cut.noise) ** 2 + 1e-300
         low, high = model.bounds
         self.low, self.high = low, high
+        self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
 
     def run(self, x: Array, start: Array, most: int) -> Fitted:
         residual, error = self.tried(x, start)
@@ -79,7 +82,9 @@ class _Search:
             parts = self.derivatives(x, start, residual, error)
             curvature = parts.curvature()
             for _ in range(_TRIALS):
-                step, states = parts.step(damping, self.low - x, self.high - x)
+                step, states = parts.step(
+                    damping, np.maximum(self.low - x, -self.reach), np.minimum(self.high - x, self.reach)
+                )
                 found = self.better(x + step, start, states, error)
                 if found is not None:
                     break
@@ -170,12 +175,12 @@ class _Normal:
         return out
 
     def step(self, damping: float, low: Array, high: Array) -> tuple[Array, Array]:
-        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 5)."""
+        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 6)."""
         step = np.zeros(self.unknowns)
         if len(self.free):
             step[self.free] = self._solved(damping, low[self.free], high[self.free])
         own = self.solved[:, :, -1] - self.solved[:, :, :-1] @ step[self.free]
-        states = np.zeros((len(own), 5))
+        states = np.zeros((len(own), len(self.sizes)))
         states[:, self.states] = own * self.sizes[self.states]
         return step, states
 
@@ -192,7 +197,7 @@ class _Normal:
             fixed = ~active
             rest = right[where] - damped[np.ix_(where, np.flatnonzero(fixed))] @ step[fixed]
             step[where] = np.linalg.lstsq(damped[np.ix_(where, where)], rest, rcond=1e-14)[0]
-            step = np.clip(step, np.maximum(low, -LARGEST), np.minimum(high, LARGEST))
+            step = np.clip(step, low, high)
             bound = active & ((step <= low) | (step >= high))
             if not bound.any():
                 break
@@ -201,32 +206,41 @@ class _Normal:
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
-    """Initial states fitted to these `rows` only, the parameters given; shape (w, 5)."""
+    """Initial states fitted to these `rows` only, the parameters given; shape (w, 6)."""
     search = _Search(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows
     search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
     return search.run(x, start, most).start
 
 
-def linear_gain(model: Model, cut: Cut, omega_n: float, zeta: float, start: Array) -> tuple[float, float]:
-    """K_L that fits best at this omega_n and zeta, the initial states being free, and the cost it leaves.
+def linear_gain(model: Model, cut: Cut, x: Array, start: Array) -> tuple[float, float, float]:
+    """K_L and a load bias that fit best at the omega_n and zeta of `x`, the initial states being free.
 
-    Exact for Eq. 1, whose answer is linear in both; for the effects of a rig's file a guess.
+    Exact for Eq. 1, whose answer is linear in them; for the effects of a rig's file a guess.
+
+    Returns:
+        K_L [unit/s/V], load bias [unit/s^2], and the cost they leave.
     """
-    search = _Search(model, cut, map, np.zeros(3, np.bool_))
-    x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
+    search = _Search(model, cut, map, np.zeros(len(x), np.bool_))
+    biased = model if "load_bias" in model.names else model.with_effect("load_bias")
+    at = np.concatenate([x, np.zeros(len(biased.coordinates) - len(x))])
+    columns, bias = [], 1e-2 * model.scales.pressure
     at_rest = simulate(model.record(x), cut, start)
-    columns = []
     for column in model.states:
         moved = start.copy()
         moved[:, column] += model.state_sizes[column]
         columns.append(simulate(model.record(x), cut, moved) - at_rest)
+    pushed = simulate(
+        biased.record(biased.searched({**biased.values(at), "load_bias.acceleration": bias})), cut, start
+    )
     place = np.concatenate([np.full(n, s) for n, s in zip(cut.sizes, start[:, 2], strict=True)])
     offset = np.zeros_like(place) if model.sees_speed else place
-    every = np.stack([*columns, at_rest - offset, search.y - offset], axis=1) * search.good[:, None]
-    products = np.array([every[piece].T @ every[piece] for piece in search.slices])
-    normal = _Normal(products, model.states, model.state_sizes, np.zeros(1, int), 1)
-    gain, power = float(normal.total[0, 1]), max(float(normal.total[0, 0]), 1e-300)
-    K_L = gain / power
-    error = normal.left[:, 1, 1] - 2.0 * K_L * normal.left[:, 0, 1] + K_L**2 * normal.left[:, 0, 0]
-    return K_L or 1e-9, search.cost(np.maximum(error, 0.0) / search.count)
+    K_L = model.values(x)["K_L"]
+    every = [*columns, (at_rest - offset) / K_L, (pushed - at_rest) / bias, search.y - offset]
+    table = np.stack(every, axis=1) * search.good[:, None]
+    products = np.array([table[piece].T @ table[piece] for piece in search.slices])
+    normal = _Normal(products, model.states, model.state_sizes, np.arange(2), 2)
+    found = np.linalg.lstsq(normal.total[:2, :2], normal.total[:2, 2], rcond=1e-12)[0]
+    error = normal.left[:, 2, 2] - 2.0 * normal.left[:, 2, :2] @ found
+    error += np.einsum("i,wij,j->w", found, normal.left[:, :2, :2], found)
+    return float(found[0]) or 1e-9, float(found[1]), search.cost(np.maximum(error, 0.0) / search.count)

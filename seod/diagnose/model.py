@@ -47,15 +47,17 @@ class Model:
     @property
     def states(self) -> list[int]:
         """Columns of a window's initial state that are free."""
-        second = "load_resonance" in self.names or "load_resonance" in self.fixed
+        on = {*self.names, *self.fixed}
         place = [] if self.sees_speed else [2]
-        return [0, 1, *place, *([3, 4] if second else [])]
+        second = [3, 4] if "load_resonance" in on else []
+        return [0, 1, *place, *second, *([5] if "sensor_lag" in on else [])]
 
     @property
     def state_sizes(self) -> Array:
-        """A small change of each column of an initial state, shape (5,)."""
+        """A small change of each column of an initial state, shape (6,)."""
         s = self.scales
-        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing]
+        reading = s.speed if self.sees_speed else s.swing
+        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading]
         return 1e-3 * np.maximum(sizes, 1e-12)
 
     def values(self, x: Array) -> Values:

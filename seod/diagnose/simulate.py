@@ -20,7 +20,7 @@ _NOTHING = np.empty((0, 3))
 
 
 def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
-    """What is measured, windows end to end, from initial states of shape (w, 5)."""
+    """What is measured, windows end to end, from initial states of shape (w, 6)."""
     return _run(record, cut, start, states=False)[0]
 
 

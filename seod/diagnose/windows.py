@@ -75,10 +75,13 @@ def series(
     bad: Mask | None = None,
     *,
     sees_speed: bool = False,
+    step: float = 0.0,
     nominal_ps: float | None = None,
     nominal_temperature: float | None = None,
 ) -> Series:
     """A recording prepared; rows that are `bad` do not count.
+
+    A coarse sensor's `step` is noise of step / sqrt(12), as far as differences do not show it already.
 
     Raises:
         DiagnoseError: It has no command, too few samples, or one that never changes.
@@ -98,7 +101,7 @@ def series(
     t, y = recording.t, np.where(good, recording.y, 0.0)
     t_u = t if recording.t_u is None else np.where(np.isfinite(recording.t_u), recording.t_u, t)
     noise = noise_sd(t, y, good)
-    least = 1e-9 * float(np.std(y[good]))
+    least = max(1e-9 * float(np.std(y[good])), step / math.sqrt(12.0))
     return Series(
         t=np.ascontiguousarray(t),
         y=y,
