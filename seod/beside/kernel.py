@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _STEPS: Final = 6
 """Gauss-Newton steps to the initial state, at most; a linear plant needs one."""
+_PARTS: Final = (1.0, 0.4, 0.1)
+"""Of a step that are tried."""
 _NOTHING: Final = np.empty(0)
 
 
@@ -53,23 +55,33 @@ class KernelModel:
     def residual(self, stretch: Stretch) -> Array:
         """See `Model`."""
         y = stretch.y / self._slope
-        start = self._guess(stretch, y)
+        starts = self._guesses(stretch, y)
+        return min((self._fitted(stretch, y, start) for start in starts), key=_power) * self._slope
+
+    def _fitted(self, stretch: Stretch, y: Array, start: Array) -> Array:
+        """What is left after Gauss-Newton steps from a guess, each shortened until it helps."""
         left = y - self._simulated(stretch, start)
         for _ in range(_STEPS):
-            trial = start + self._step(stretch, start, left, y)
-            after = y - self._simulated(stretch, trial)
-            if not float(after @ after) < (1.0 - 1e-4) * float(left @ left):
+            step, before = self._step(stretch, start, left, y), _power(left)
+            for part in _PARTS:
+                after = y - self._simulated(stretch, start + part * step)
+                if _power(after) < before:
+                    start, left = start + part * step, after
+                    break
+            if not _power(left) < (1.0 - 1e-3) * before:
                 break
-            start, left = trial, after
-        return left * self._slope
+        return left
 
-    def _guess(self, stretch: Stretch, y: Array) -> Array:
-        """Speed and place from the first samples; the pressure that balances them is not known."""
-        start = np.zeros(len(START))
-        few = slice(0, max(4, len(y) // 50))
-        slope, place = np.polyfit(stretch.t[few] - stretch.t[0], y[few], 1).tolist()
-        start[1], start[2] = (place, 0.0) if len(self._columns) == 2 else (slope, place)
-        return start
+    def _guesses(self, stretch: Stretch, y: Array) -> list[Array]:
+        """By a parabola through the first samples; the pressure also as what moves the load the other way."""
+        since = stretch.t - stretch.t[0]
+        first = since < 1.0 / float(self._record["omega_n"][0])
+        first[:8] = True
+        bend, slope, place = np.polyfit(since[first], y[first], 2).tolist()
+        speed, rate = (place, slope) if len(self._columns) == 2 else (slope, 2.0 * bend)
+        position = 0.0 if len(self._columns) == 2 else place
+        rest = [0.0] * (len(START) - 3)
+        return [np.array([pressure, speed, position, *rest]) for pressure in (rate, -rate, 0.0)]
 
     def _step(self, stretch: Stretch, start: Array, left: Array, y: Array) -> Array:
         """Of least squares, by forward differences."""
@@ -99,3 +111,9 @@ class KernelModel:
         given = stretch.t_u, volts, stretch.t, stretch.supply, _NOTHING
         follow_windows(self._record[0], valve[0], load[0], *given, *window, y, np.empty((0, 3)))
         return y
+
+
+def _power(left: Array) -> float:
+    """Mean square; infinite where the simulation ran away."""
+    power = float(np.mean(left**2))
+    return power if np.isfinite(power) else np.inf

@@ -48,6 +48,9 @@ class LinearModel:
         basis = self._free(stretch.t - stretch.t[0])
         return np.asarray(left - basis @ np.linalg.lstsq(basis, left, rcond=None)[0])
 
+    def close(self) -> None:
+        """Nothing to let go of."""
+
     def _free(self, since: Array) -> Array:
         """What a free initial state, an offset and a ramp of the position add; shape (n, m)."""
         cosine, sine = free_motion(self._plant, since)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from seod.beside.linear import LinearModel
+from seod.beside.remote import RemoteModel
 from seod.config.sensors import PressureConfig
 from seod.config.truth import si_per_plant_unit, truth
 from seod.config.units import UNITS
 from sim.truth import conditions
 
 if TYPE_CHECKING:
+    from seod.beside.kernel import KernelModel
     from seod.beside.window import Model
     from seod.config.model import RigConfig
     from sim.config import PlantConfig
@@ -43,11 +45,10 @@ def linear_model(config: RigConfig, axis: str) -> Model | None:
     return LinearModel(K_L, omega_n, zeta, delay, lag, own.mode == "velocity")
 
 
-def kernel_model(config: RigConfig, axis: str) -> Model | None:
+def kernel_model(config: RigConfig, axis: str) -> KernelModel | None:
     """With all effects. Imports numba, which may take seconds.
 
     Raises:
-        ImportError, OSError: The machine does not allow compiled code, or its folder cannot be written.
         ValueError: The plant cannot be simulated.
     """
     from seod.beside.kernel import KernelModel  # noqa: PLC0415 - numba
@@ -63,15 +64,11 @@ def kernel_model(config: RigConfig, axis: str) -> Model | None:
 
 
 def model_of(config: RigConfig, axis: str) -> Model | None:
-    """The simplest model that does; None for a rig without one.
-
-    Raises:
-        ImportError, OSError, ValueError: As `kernel_model`.
-    """
+    """The simplest model that does; None for a rig without one."""
     plant = plant_of(config, axis)
     if plant is None:
         return None
-    return kernel_model(config, axis) if needs_kernel(plant) else linear_model(config, axis)
+    return RemoteModel(config, axis) if needs_kernel(plant) else linear_model(config, axis)
 
 
 def nominal_pressure(config: RigConfig, axis: str) -> float | None:

@@ -41,3 +41,6 @@ class Model(Protocol):
         Raises:
             ValueError, ArithmeticError: It cannot be simulated.
         """
+
+    def close(self) -> None:
+        """Let go of what it holds."""

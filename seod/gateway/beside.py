@@ -28,8 +28,8 @@ SPAN_S: Final = (0.25, 2.0)
 """within these bounds."""
 BEFORE_S: Final = 0.15
 """Commands that are kept from before a stretch: longer than delay and lag of any plant."""
-CLOSE_S: Final = 2.0
-"""Compiling may take longer; it is not waited for."""
+CLOSE_S: Final = 1.0
+"""Longest wait for a stretch that is under way; compiling takes longer, and is cut off."""
 
 
 class Beside:
@@ -53,6 +53,7 @@ class Beside:
         self._done: queue.Queue[ModelError | Exception] = queue.Queue()
         self._trouble, self._told = "", False
         self._thread: threading.Thread | None = None
+        self._model: Model | None = None
 
     @property
     def _span(self) -> float:
@@ -110,22 +111,26 @@ class Beside:
         self._rows.clear()
 
     def close(self) -> None:
-        """End the thread."""
-        if self._thread is not None:
-            while not self._work.empty():
-                self._work.get()
-            self._work.put(None)
+        """End the thread, and the model with it; a model that starts just now is not waited for."""
+        if self._thread is None:
+            return
+        while not self._work.empty():
+            self._work.get()
+        self._work.put(None)
+        if self._model is not None:
             self._thread.join(CLOSE_S)
+            self._model.close()
+        self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
-        model: Model | None = None
         while (stretch := self._work.get()) is not None:
             try:
-                model = model or model_of(self._config, self.axis)
-                if model is None:
+                self._model = self._model or model_of(self._config, self.axis)
+                if self._model is None:
                     return
-                error = judge(stretch, model.residual(stretch), self._resolution, model.name)
-            except (ImportError, OSError, ValueError, ArithmeticError, np.linalg.LinAlgError) as failure:
+                left = self._model.residual(stretch)
+                error = judge(stretch, left, self._resolution, self._model.name)
+            except (OSError, ValueError, ArithmeticError) as failure:
                 self._done.put(failure)
                 return
             if error is not None:

@@ -17,6 +17,7 @@ from seod.beside.judge import IN_A_ROW, ModelError, Verdict, judge
 from seod.beside.kernel import KernelModel
 from seod.beside.linear import LinearModel
 from seod.beside.models import model_of, needs_kernel, plant_of
+from seod.beside.remote import RemoteModel
 from seod.beside.window import Stretch
 from seod.gateway.beside import stretch_of
 from seod.ring import FLAG_EXCITING, FLAG_FRESH
@@ -91,6 +92,29 @@ def test_friction_needs_the_kernel():
     error = judge(s, KernelModel(plant).residual(s), 0.0, "kernel")
     assert error.rms == pytest.approx(3e-4, rel=0.15)
     assert not error.beyond
+
+
+def test_the_kernel_answers_from_a_process_of_its_own():
+    config = rig_config()
+    simulation = config.simulation
+    plant = simulation.plants["motor"].model_copy(
+        update={"effects": {"valve_deadband": {"half_width": 0.05}}}
+    )
+    simulation = simulation.model_copy(update={"plants": {"motor": plant}})
+    model = model_of(config.model_copy(update={"simulation": simulation}), "motor")
+    assert (type(model), model.name) == (RemoteModel, "kernel")
+    s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
+    try:
+        for _ in range(2):
+            np.testing.assert_allclose(model.residual(s), KernelModel(plant).residual(s), atol=1e-9)
+        with pytest.raises(ValueError, match="LinAlgError"):
+            model.residual(s._replace(y=np.nan * s.y))
+        model._process.terminate()
+        with pytest.raises(OSError, match="has died"):
+            model.residual(s)
+    finally:
+        model.close()
+    assert model._process.returncode is not None
 
 
 def test_the_kernel_and_the_closed_form_agree_on_a_linear_plant():
