@@ -46,7 +46,7 @@ def answer(case: Case, folder: Path) -> tuple[dict, float]:
 
 
 def _told_by_file(case: Case) -> dict:
-    """Effects as far as a file can tell: of a speed nobody knows the position, nor a ripple's phase over it."""
+    """Effects as far as a file can tell: of a speed neither the position nor the phase of its ripple."""
     values = {name: dict(group) for name, group in case.rig.effects.items()}
     if case.rig.sees_speed:
         values.get("position_ripple", {}).pop("phase", None)
