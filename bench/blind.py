@@ -91,7 +91,7 @@ def run(args: argparse.Namespace, done: set[int]) -> None:
                 continue
             causes = None if args.cause is None else tuple(args.cause)
             try:
-                case = draw(number, args.kind, causes, args.excitation, None, args.noise)
+                case = draw(number, args.kind, causes, args.excitation, None, args.noise, args.duration)
             except Invisible as error:
                 print(error, flush=True)
                 continue
@@ -188,6 +188,7 @@ def main() -> None:
     parser.add_argument("--cause", action="append", help="hide this one; twice: both")
     parser.add_argument("--excitation")
     parser.add_argument("--noise", type=float, default=0.01, help="part of the detrended std(y)")
+    parser.add_argument("--duration", type=float, help="of each record [s]; default: by the plant, 20 or 30")
     args = parser.parse_args()
     args.kind = args.kind or (None if args.cause is None else ("one", "two")[len(args.cause) - 1])
     lines = _read(args.out)

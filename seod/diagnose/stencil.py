@@ -73,14 +73,10 @@ def _weights(times: Array) -> Array:
 
 
 def slopes(t: Array, y: Array, reach: int = 3) -> Array:
-    """Slope of `y` at each time by a parabola through the `reach` neighbours on either side, shape (n,)."""
-    count = len(t)
+    """Slope of `y` at each time by a cubic through the `reach` neighbours on either side, shape (n,)."""
+    count, tick = len(t), float(np.median(np.diff(t)))
     at = np.clip(np.arange(count), reach, count - 1 - reach)[:, None] + np.arange(-reach, reach + 1)
-    since, rise = t[at] - t[:, None], y[at]
-    rise = rise - rise.mean(axis=1, keepdims=True)
-    s0, s1, s2, s3, s4 = (np.sum(since**k, axis=1) for k in range(5))
-    r0, r1, r2 = (np.sum(since**k * rise, axis=1) for k in range(3))
-    minors = s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2
-    whole = s0 * minors[0] - s1 * minors[1] + s2 * minors[2]
-    middle = s0 * (r1 * s4 - r2 * s3) - r0 * minors[1] + s2 * (s1 * r2 - r1 * s2)
-    return np.asarray(middle / whole)
+    powers = ((t[at] - t[:, None]) / tick)[..., None] ** np.arange(4)
+    normal = np.einsum("nki,nkj->nij", powers, powers)
+    target = np.einsum("nki,nk->ni", powers, y[at] - y[at].mean(axis=1, keepdims=True))
+    return np.asarray(np.linalg.solve(normal, target[..., None])[:, 1, 0] / tick)
