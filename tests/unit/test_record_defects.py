@@ -112,7 +112,7 @@ def test_counts_are_found_before_or_after_noise(step, offset, before):
 
 
 def test_no_counts_where_the_load_rests_for_long():
-    y = np.clip(movement(T), -0.2, 0.2) + np.random.default_rng(1).normal(0.0, NOISE, len(T))
+    y = np.where(T < 6.0, 0.3, movement(T)) + np.random.default_rng(1).normal(0.0, NOISE, len(T))
     assert counts(y, NOISE).step == 0.0
 
 
