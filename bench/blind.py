@@ -30,6 +30,7 @@ from seod.diagnose.command import Options, diagnose
 
 GOALS = {"one": 0.99, "two": 0.95, "clean": 0.995, "unlisted": 0.95}
 COVERAGE = (0.90, 0.98)
+OUT = Path(tempfile.gettempdir()) / "seod-blind.jsonl"
 
 
 def answer(case: Case, folder: Path) -> tuple[dict, float]:
@@ -181,7 +182,7 @@ def tables(lines: list[dict]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("blind.jsonl"), help="results, one a line")
+    parser.add_argument("--out", type=Path, default=OUT, help="results, one a line")
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--kind", choices=KINDS)
