@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.begin import baseline, scales, simulated_states
-from seod.diagnose.conclude import Found, answered
+from seod.diagnose.column_check import gain_remarks
+from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
 from seod.diagnose.fit import fit
 from seod.diagnose.name import Chosen, found_effects
@@ -81,8 +82,13 @@ def diagnose(
     to_fit, aside = cut(every, len(holdout))
     with ThreadPoolExecutor(WORKERS) as pool:
         found = _search(to_fit, aside, sees_speed, _known(wishes), pool.map, progress)
+        if any(each.name == "outliers" for defects in checked for each in defects.found):
+            found = trimmed(found)
     progress("comparing", 0.9)
     answer = answered(found, to_fit, aside, checked, wishes.output)
+    name, plant = str(recordings[0].paths[0]), _plant(wishes)
+    remarks = gain_remarks(name, answer.baseline.K_L, None if plant is None else plant.K_L)
+    answer = replace(answer, remarks=(*answer.remarks, *remarks))
     progress("done", 1.0)
     return answer
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
+from seod.diagnose.experiment import next_experiment
 from seod.diagnose.intervals import base_sd, covariance
 from seod.diagnose.left import unexplained
 from seod.diagnose.score import drawn, held_out, nrmse, score, wholes, windows
@@ -16,7 +17,7 @@ from seod.diagnose.score import drawn, held_out, nrmse, score, wholes, windows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, Output, Unexplained, Verdict, Window
+    from seod.diagnose.answer import Array, NextExperiment, Output, Unexplained, Verdict, Window
     from seod.diagnose.defects import Defects
     from seod.diagnose.fit import Fitted
     from seod.diagnose.name import Chosen
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from seod.diagnose.select import Grown
     from seod.diagnose.windows import Cut
 
+FAR: Final = 4.0
+MOST_FAR: Final = 0.03
+"""Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
 MOSTLY: Final = 0.25
 """Part of the error that may remain for the named effects to count as the explanation."""
 
@@ -64,7 +68,7 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
         extended=extended,
         noise_floor_nrmse=found.held.floor,
         unexplained=left,
-        next_experiment=None,
+        next_experiment=_experiment(found, aside),
         output=output,
         noise_sd=tuple(one.noise for one in aside.series),
         adequacy=found.chosen.held.adequacy,
@@ -73,6 +77,26 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
         candidates=_candidates(found),
         remarks=tuple(dict.fromkeys(remark for each in checked for remark in each.remarks)),
     )
+
+
+def trimmed(found: Found) -> Found:
+    """The same without rows whose error is none of the rest's, where the recordings have outliers.
+
+    Those that differ little from their neighbours are told by a model only.
+    """
+    held = found.chosen.held
+    noise = np.repeat(held.cut.noise, held.cut.sizes)
+    far = np.abs(held.cut.gathered("y") - held.simulated) > FAR * noise
+    if np.count_nonzero(far & held.scored) > MOST_FAR * np.count_nonzero(held.scored):
+        return found
+    chosen = replace(found.chosen, held=replace(held, scored=held.scored & ~far))
+    return replace(found, chosen=chosen, held=replace(found.held, scored=found.held.scored & ~far))
+
+
+def _experiment(found: Found, aside: Cut) -> NextExperiment | None:
+    best, one = found.chosen.found, aside.series[0]
+    volts = float(np.max(np.abs(one.u)))
+    return next_experiment(found.effects, best.model, best.x, one.noise, volts, one.tick)
 
 
 def _scored(fitted: Fitted, held: HeldOut, cut: Cut) -> tuple[Score, list[Array]]:

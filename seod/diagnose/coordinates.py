@@ -100,7 +100,7 @@ def base(sign: float, tick_s: float) -> tuple[Coordinate, ...]:
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
         Coordinate("omega_n", 1.0, 2.0, 1.5 / tick_s),
-        Coordinate("zeta", 1.0, 1e-3, 30.0),
+        Coordinate("zeta", 1.0, 1e-3, 8.0),
     )
 
 
@@ -130,6 +130,11 @@ def _sized(place: str, low: float, high: float) -> dict[str, Coordinate]:
     return {place: Coordinate(place, 1.0, low, high)}
 
 
+def _linear(place: str, scale: float, low: float, high: float) -> dict[str, Coordinate]:
+    """Of one sign, and acting in proportion."""
+    return {place: Coordinate(place, scale, low, high, logarithm=False)}
+
+
 def _signed(place: str, scale: float, limit: float) -> dict[str, Coordinate]:
     return {place: Coordinate(place, scale, -limit, limit, logarithm=False)}
 
@@ -140,7 +145,7 @@ def _valve(s: Scales) -> dict[str, Group]:
     return {
         **_group(
             "transport_delay",
-            _sized("transport_delay.time", shortest, 0.1),
+            _linear("transport_delay.time", tau, 0.0, 0.1),
             *((min(x * tau, 0.05),) for x in (0.05, 0.3)),
         ),
         **_group(
@@ -150,17 +155,17 @@ def _valve(s: Scales) -> dict[str, Group]:
         ),
         **_group(
             "valve_hysteresis",
-            _sized("valve_hysteresis.half_width", 1e-4 * volts, volts),
+            _linear("valve_hysteresis.half_width", 0.1 * volts, 0.0, volts),
             *((x * volts,) for x in (0.02, 0.1, 0.3)),
         ),
         **_group(
             "valve_lag",
-            _sized("valve_lag.time", max(shortest, 1e-5), 0.1),
+            _linear("valve_lag.time", tau, max(shortest, 1e-5), 0.1),
             *((min(x * tau, 0.05),) for x in (0.1, 0.5)),
         ),
         **_group(
             "valve_deadband",
-            _sized("valve_deadband.half_width", 1e-4 * volts, volts),
+            _linear("valve_deadband.half_width", 0.1 * volts, 0.0, volts),
             *((x * volts,) for x in (0.02, 0.1, 0.3)),
         ),
     }
@@ -171,7 +176,7 @@ def _flow(s: Scales) -> dict[str, Group]:
         **_group("asymmetric_gain", _signed("asymmetric_gain.ratio", 0.1, 0.9), (0.02,)),
         **_group(
             "square_root_flow",
-            _sized("square_root_flow.supply", 0.3 * s.pressure, 100.0 * s.pressure),
+            _sized("square_root_flow.supply", 0.5 * s.pressure, 100.0 * s.pressure),
             *((x * s.pressure,) for x in (1.0, 2.0, 5.0)),
         ),
         **_group(
@@ -190,8 +195,8 @@ def _load(s: Scales) -> dict[str, Group]:
         **_signed("load_spring.centre", max(s.travel, 1e-9), 1e6),
     }
     stribeck = {
-        **_sized("stribeck_friction.level", 1e-4 * size, 5.0 * size),
-        **_sized("stribeck_friction.speed", 0.01 * s.speed, 3.0 * s.speed),
+        **_linear("stribeck_friction.level", 0.1 * size, 0.0, 2.0 * size),
+        **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 3.0 * s.speed),
     }
     resonance = {
         **_sized("load_resonance.inertia", 1e-3, 10.0),
@@ -203,7 +208,7 @@ def _load(s: Scales) -> dict[str, Group]:
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
         **_group(
             "coulomb_friction",
-            _sized("coulomb_friction.level", 1e-4 * size, 5.0 * size),
+            _linear("coulomb_friction.level", 0.1 * size, 0.0, 5.0 * size),
             *((x * size,) for x in (0.02, 0.1, 0.3)),
         ),
         **_group(
@@ -223,13 +228,13 @@ def _sensor(s: Scales) -> dict[str, Group]:
     return {
         **_group(
             "backlash",
-            _sized("backlash.gap", 1e-4 * s.swing, 2.0 * s.swing),
+            _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 2.0 * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
         **_group("position_ripple", _wave("position_ripple", 0.01 * s.swing, 0.03 / s.travel, 1e-3, 1e6)),
         **_group(
             "sensor_lag",
-            _sized("sensor_lag.time", max(0.02 * s.tick_s, 1e-5), 0.1),
+            _linear("sensor_lag.time", 1.0 / s.omega_n, max(0.02 * s.tick_s, 1e-5), 0.1),
             *((min(x / s.omega_n, 0.05),) for x in (0.1, 0.5)),
         ),
     }

@@ -28,7 +28,7 @@ SCREENED_S: Final = 6.0
 """Of windows on which the better causes are fitted."""
 GLANCE: Final = 2
 """Steps from every start."""
-STEPS: Final = 10
+STEPS: Final = 14
 """Steps of the better ones."""
 PROMISING: Final = 7
 """Causes that are fitted further."""
