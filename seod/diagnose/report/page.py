@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from seod.diagnose.report import checks
 from seod.diagnose.report.pictures import Pictures
 from seod.diagnose.report.tables import effects, figures, ranking
 from seod.diagnose.report.words import consequences, headline
@@ -47,9 +48,9 @@ def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
         yield f"<h2>Causes, each with all the others in the model</h2>{effects(d, unit)}"
     yield f"<h2>Before and after</h2>{pictures.overlay()}{pictures.errors()}"
     yield f"<h2>Where it fails</h2>{_pair([*pictures.maps(), *pictures.planes()])}"
-    checks = [pictures.whiteness(), pictures.input_left(), pictures.spectra(), pictures.over_time()]
-    checks += filter(None, [pictures.distortion(), pictures.over_phase()])
-    yield f"<h2>What is left, and whether it is noise</h2>{_pair(checks)}"
+    left = [checks.whiteness(pictures), checks.input_left(pictures), checks.spectra(pictures)]
+    left += [pictures.over_time(), *filter(None, [checks.distortion(pictures), checks.over_phase(pictures)])]
+    yield f"<h2>What is left, and whether it is noise</h2>{_pair(left)}"
     if d.candidates:
         yield f"<h2>All causes that were tried</h2>{ranking(d)}"
     yield f"<h2>How to read this page</h2><p class='sub'>{_text('how_to_read.txt')}</p>"

@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Curve, Map
-from seod.diagnose.show.distortion import harmonics, period
 from seod.diagnose.show.maps import binned, plane
 from seod.diagnose.show.residual import Residual, residual, scored
-from seod.diagnose.show.spectra import autocorrelation, cross_correlation, spectrum
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from seod.diagnose.answer import Array, Diagnosis, Window
-    from seod.diagnose.show.spectra import Correlation
 
 WIDE: Final = 940.0
 _SHOWN_S: Final = 12.0
@@ -81,7 +78,7 @@ class Pictures:
     def errors(self) -> str:
         """What is left in the same window, against the noise."""
         at = self._worst()
-        window, sd = self.windows[at], self._noise(self.windows[at])
+        window, sd = self.windows[at], self.noise(self.windows[at])
         flat = np.full(len(window.t), 2.0 * sd)
         curves = [Curve(window.t, self.before[at].error, "error of the baseline", BEFORE, 1.0)]
         if self.extended:
@@ -98,7 +95,7 @@ class Pictures:
             for label, colour, left in kinds[: 1 + self.extended]
         ]
         curves.append(
-            Curve(middle, np.array([self._noise(w) for w in self.windows]), "noise", FLOOR, dash="4 3")
+            Curve(middle, np.array([self.noise(w) for w in self.windows]), "noise", FLOOR, dash="4 3")
         )
         return Chart(
             "Over time: rms error of each held-out window", "t [s]", f"[{self.unit}]", curves, log_y=True
@@ -140,81 +137,12 @@ class Pictures:
             for (label, _), table in zip(kinds, tables, strict=True)
         ]
 
-    def spectra(self) -> str:
-        """Densities of measurement and errors, and the noise's."""
-        rate = 1.0 / self.tick
-        kinds = [
-            ("measured", MEASURED, [w.y for w in self.windows]),
-            ("baseline", BEFORE, _errors(self.before)),
-        ]
-        if self.extended:
-            kinds.append(("extended", AFTER, _errors(self.after)))
-        curves = [Curve(*spectrum(pieces, rate), label, colour) for label, colour, pieces in kinds]
-        sd = float(np.mean([self._noise(w) for w in self.windows]))
-        ends = curves[0].x[[0, -1]]
-        curves.append(Curve(ends, np.full(2, 2.0 * sd**2 / rate), "noise", FLOOR, dash="4 3"))
-        title = "Spectra: measurement, errors, noise"
-        return Chart(title, "f [Hz]", f"[{self.unit}²/Hz]", curves, log_x=True, log_y=True).svg()
-
-    def whiteness(self) -> str:
-        """Autocorrelation of the errors."""
-        lags = self._lags()
-        return self._correlated(
-            "Whiteness: does the error know its own past?",
-            lambda left: autocorrelation(_errors(left), lags),
-        )
-
-    def input_left(self) -> str:
-        """Correlation of the errors with the command."""
-        lags, inputs = self._lags(), [w.u for w in self.windows]
-        return self._correlated(
-            "Cross-correlation: does the error still know the command?",
-            lambda left: cross_correlation(inputs, _errors(left), lags),
-        )
-
-    def distortion(self) -> str | None:
-        """Harmonics of measurement and errors; None where the command is not periodic in the windows."""
-        length = period(self.windows[0].u)
-        if length is None or length < 8.0:
-            return None
-        kinds = [
-            ("measured", MEASURED, [w.y for w in self.windows]),
-            ("baseline", BEFORE, _errors(self.before)),
-        ]
-        if self.extended:
-            kinds.append(("extended", AFTER, _errors(self.after)))
-        curves = []
-        for label, colour, pieces in kinds:
-            found = harmonics(pieces, length)
-            curves.append(Curve(found.number, found.amplitude, label, colour, dots=True))
-        title = "Harmonics: odd ones are symmetric causes, even ones are not"
-        return Chart(title, "harmonic", f"amplitude [{self.unit}]", curves, log_y=True).svg()
-
-    def over_phase(self) -> str | None:
-        """Error over the phase of the cycle; None where the command is not periodic."""
-        length = period(self.windows[0].u)
-        if length is None or length < 8.0:
-            return None
-        turn = np.concatenate([_phase(w.u, length) for w in self.windows])
-        return self._bins(
-            "Over the phase of the cycle", "phase [cycles]", f"error [{self.unit}]", turn, "error"
-        )
-
-    def _correlated(self, title: str, of: Callable[[Sequence[Residual]], Correlation]) -> str:
-        kinds = [("baseline", BEFORE, self.before), ("extended", AFTER, self.after)][: 1 + self.extended]
-        curves, bound, lag = [], 0.0, np.zeros(1)
-        for label, colour, left in kinds:
-            found = of(left)
-            lag, bound = found.lag * 1e3 * self.tick, found.bound
-            curves.append(Curve(lag, found.value, f"{label}: {found.outside:.0%} outside", colour))
-        curves.append(Curve(lag, np.full(len(lag), -bound), "", FLOOR, to=np.full(len(lag), bound)))
-        return Chart(title, "lag [ms] (grey: 95 % of white noise)", "correlation", curves).svg()
-
     def _map(self, title: str, x_label: str, kind: str, quantity: str) -> str:
         label = "residual [V]" if kind == "volts" else f"residual force [{self._base}/s²]"
-        return self._bins(title, x_label, label, self._states(quantity), kind)
+        return self.bins(title, x_label, label, self._states(quantity), kind)
 
-    def _bins(self, title: str, x_label: str, y_label: str, x: Array, kind: str) -> str:
+    def bins(self, title: str, x_label: str, y_label: str, x: Array, kind: str) -> str:
+        """A field of the residuals (`error`, `force`, `volts`) over `x`: means with intervals, both models."""
         correlated = (
             1.0
             if kind == "error"
@@ -242,27 +170,12 @@ class Pictures:
     def _worst(self) -> int:
         return int(np.argmax(self._rms(self.before)))
 
-    def _noise(self, window: Window) -> float:
+    def noise(self, window: Window) -> float:
+        """Standard deviation of the samples' noise; nan where it is not known."""
         sd = self.diagnosis.noise_sd
         return sd[window.file] if window.file < len(sd) else math.nan
-
-    def _lags(self) -> int:
-        longest = _LAGS * 2.0 * math.pi / self.diagnosis.baseline.omega_n / self.tick
-        return int(min(max(longest, 20), 0.3 * min(len(w.t) for w in self.windows), 2000))
 
     @property
     def _base(self) -> str:
         """Unit of the position."""
         return self.unit.removesuffix("/s")
-
-
-def _errors(left: Sequence[Residual]) -> list[Array]:
-    return [each.error for each in left]
-
-
-def _phase(u: Array, length: float) -> Array:
-    """Of each row, from the strongest component of the command at its period [cycles, 0 to 1]."""
-    rows = np.arange(len(u))
-    turn = np.exp(-2j * math.pi * rows / length)
-    start = np.angle(np.sum(np.where(np.isfinite(u), u, 0.0) * turn)) / (2.0 * math.pi)
-    return np.asarray((rows / length + start + 0.25) % 1.0)
