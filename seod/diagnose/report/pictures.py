@@ -142,7 +142,7 @@ class Pictures:
         return self.bins(title, x_label, label, self._states(quantity), kind)
 
     def bins(self, title: str, x_label: str, y_label: str, x: Array, kind: str) -> str:
-        """A field of the residuals (`error`, `force`, `volts`) over `x`: means with intervals, both models."""
+        """A field of the residuals (`error`, `force`, `volts`) over `x`: means with intervals, of both."""
         correlated = (
             1.0
             if kind == "error"
