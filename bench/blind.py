@@ -21,7 +21,8 @@ from time import perf_counter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 
-from hidden_cases import KINDS, Case, Invisible, draw, make_record, write
+from hidden_cases import KINDS, Case, Invisible, draw
+from hidden_records import make_record, write
 from hidden_score import OUTCOMES, outcome, parameters, wilson
 
 from seod.data import read

@@ -1,7 +1,8 @@
 """The diagnosis finds what records hide; it sees their files alone. `bench/blind.py` is the large set."""
 
 import pytest
-from hidden_cases import draw, make_record, write
+from hidden_cases import draw
+from hidden_records import make_record, write
 from hidden_score import outcome, parameters, wilson
 
 from seod.data import read

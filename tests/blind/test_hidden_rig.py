@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 from hidden_baseline import best_baseline
-from hidden_cases import Invisible, draw, make_record, run, write
+from hidden_cases import Invisible, draw, run
 from hidden_drives import EXCITATIONS
+from hidden_records import make_record, write
 from hidden_rig import GIVEN, Drive, Rig, simulate
 from hidden_strength import DEFECTS, LISTED, UNLISTED
 from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen
@@ -104,7 +105,7 @@ def test_a_number_makes_the_same_case_each_time(tmp_path):
 
 @pytest.mark.parametrize("cause", DEFECTS)
 def test_the_file_holds_the_record_with_its_defects(tmp_path, cause):
-    case = draw(7, "one", (cause,), "steps", sees_speed=False, duration=2.0)
+    case = draw(7, "one", (cause,), "relay", sees_speed=True, duration=2.0)
     record = make_record(case)
     write(record, tmp_path / "run.csv")
     back = read(tmp_path / "run.csv")
