@@ -21,6 +21,8 @@ FEWEST: Final = 200
 """Differences without which nothing is looked for."""
 AS_MEAN: Final = 0.6
 """Part of the growth that the medians must show too."""
+AGAINST: Final = -0.65
+"""Correlation of neighbouring differences, at most."""
 _EVENTS: Final = 25.0
 """Squared differences over the expected ones beyond which they are corners of the signal."""
 _ROUNDS: Final = 8
@@ -56,7 +58,7 @@ def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
     level, growth, sd = _line(steepness / scale, square)
     if not growth > SURE * sd or growth < SHARE * (level + growth):
         return Jitter()
-    if not _grows(steepness / scale, square, level, growth):
+    if not _grows(steepness / scale, square, level, growth) or not _alternates(found, steep):
         return Jitter()
     low, high = (math.sqrt(max(0.0, growth + side * 1.96 * sd) / scale) for side in (-1.0, 1.0))
     p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
@@ -85,3 +87,15 @@ def _grows(x: Array, square: Array, level: float, growth: float) -> bool:
     wanted = np.median(level + growth * x[steep]) / np.median(level + growth * x[flat])
     seen = np.median(square[steep]) / max(float(np.median(square[flat])), 1e-300)
     return bool(seen - 1.0 > AS_MEAN * (wanted - 1.0))
+
+
+def _alternates(found: Stencils, steepness: Array) -> bool:
+    """Neighbouring differences where the signal is steep go against each other, as those of samples' errors do.
+
+    White errors have a correlation of -0.8; of what a quick signal itself leaves it is nearly 1.
+    """
+    pairs = found.usable[1:] & found.usable[:-1] & (np.diff(found.middle) == 1)
+    pairs &= steepness[1:] > np.quantile(steepness, 2.0 / 3.0)
+    scaled = found.difference / np.sqrt(steepness + float(np.mean(steepness)))
+    before, behind = scaled[:-1][pairs], scaled[1:][pairs]
+    return bool(before @ behind < AGAINST * 0.5 * (before @ before + behind @ behind))

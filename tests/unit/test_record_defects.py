@@ -91,6 +91,12 @@ def test_timing_jitter_is_told_from_noise_by_the_slope(seed):
     assert defect.p_value < 1e-6
 
 
+def test_a_quick_signal_with_little_noise_has_no_jitter():
+    burst = (1.0 + np.sin(2.0 * T)) * np.sin(400.0 * T)
+    found = examine(recording(burst + 0.1 * noisy()))
+    assert "timing_jitter" not in [each.name for each in found.found]
+
+
 def test_true_times_that_are_uneven_are_no_jitter():
     t = np.sort(T + np.random.default_rng(1).normal(0.0, 2e-4, len(T)))
     t = t[np.concatenate([[True], np.diff(t) > 2e-4])]
