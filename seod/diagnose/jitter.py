@@ -90,7 +90,7 @@ def _grows(x: Array, square: Array, level: float, growth: float) -> bool:
 
 
 def _alternates(found: Stencils, steepness: Array) -> bool:
-    """Neighbouring differences where the signal is steep go against each other, as those of samples' errors do.
+    """Neighbouring differences where the signal is steep go against each other: they are samples' errors.
 
     White errors have a correlation of -0.8; of what a quick signal itself leaves it is nearly 1.
     """
