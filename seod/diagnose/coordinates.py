@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Values = dict[str, float]
-"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`."""
+"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; `*K_L` and `*zeta` of starts multiply these."""
+
+HELD: Final = ((2.0, 0.5), (2.0, 2.0))
+"""Factors of K_L and zeta where a baseline took friction for little gain: damped little, and much."""
 
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
 """Effects that are a wave: searched as cosine and sine parts, which act nearly linearly."""
@@ -99,8 +102,8 @@ def base(sign: float, tick_s: float) -> tuple[Coordinate, ...]:
     """K_L, omega_n and zeta; `sign` is that of K_L."""
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, 2.0, 1.5 / tick_s),
-        Coordinate("zeta", 1.0, 1e-3, 8.0),
+        Coordinate("omega_n", 1.0, 2.0, 0.8 / tick_s),
+        Coordinate("zeta", 1.0, 1e-3, 20.0),
     )
 
 
@@ -206,15 +209,12 @@ def _load(s: Scales) -> dict[str, Group]:
     return {
         **_group("load_bias", _signed("load_bias.acceleration", 0.1 * size, 1e6), (0.02 * size,)),
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
-        **_group(
-            "coulomb_friction",
+        "coulomb_friction": _rubbing(
             _linear("coulomb_friction.level", 0.1 * size, 0.0, 5.0 * size),
             *((x * size,) for x in (0.02, 0.1, 0.3)),
         ),
-        **_group(
-            "stribeck_friction",
-            stribeck,
-            *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15))),
+        "stribeck_friction": _rubbing(
+            stribeck, *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15)))
         ),
         **_group("load_resonance", resonance, *((0.2, x * s.omega_n, 0.05) for x in (0.6, 1.3, 2.5, 5.0))),
         **_group(
@@ -222,6 +222,13 @@ def _load(s: Scales) -> dict[str, Group]:
             _wave("periodic_disturbance", 0.05 * size, 0.03 / s.span_s, 1e-2, 3.0 / s.tick_s),
         ),
     }
+
+
+def _rubbing(coordinates: Mapping[str, Coordinate], *starts: tuple[float, ...]) -> Group:
+    """Friction: the largest start from a larger gain too."""
+    plain = next(iter(_group("", coordinates, *starts).values()))
+    more = tuple({**plain.starts[-1], "*K_L": K_L, "*zeta": zeta} for K_L, zeta in HELD)
+    return Group(plain.coordinates, (*plain.starts, *more))
 
 
 def _sensor(s: Scales) -> dict[str, Group]:
@@ -254,8 +261,9 @@ def _plant(s: Scales) -> dict[str, Group]:
 def _wave(name: str, scale: float, narrow: float, low: float, high: float) -> dict[str, Coordinate]:
     """`narrow` is a change of the wave's number by which its far end hardly moves."""
     number = f"{name}.{WAVES[name]}"
+    largest = next(each.high for each in EFFECTS[name].parameters if each.name == "amplitude")
     return {
-        **_signed(f"{name}.cosine", scale, 1e6),
-        **_signed(f"{name}.sine", scale, 1e6),
+        **_signed(f"{name}.cosine", scale, 0.7 * largest),
+        **_signed(f"{name}.sine", scale, 0.7 * largest),
         number: Coordinate(number, narrow, low, high, logarithm=False),
     }

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from seod.diagnose.answer import Array, Mask
 
 ORDERS: Final = range(2, 9)
+NEAR: Final = 1.03
+"""Orders of differences whose estimates are within this factor of the least are equally good."""
 FAR: Final = 5.0
 """Robust standard deviations beyond which a difference is an event, not noise."""
 _FEWEST: Final = 50
@@ -19,16 +21,17 @@ _FEWEST: Final = 50
 def noise_sd(t: Array, y: Array, good: Mask) -> float:
     """Standard deviation of white noise on `y`, shape (n,), sampled at `t` [s].
 
-    A signal's own differences fall with their order until only noise is left: the least of all orders counts.
-    Differences over gaps and over rows that are not `good` are left out; nan if there are too few.
+    A signal's own differences fall with their order until only noise is left: of the orders that are near the
+    least the lowest counts, which scatters least. Differences over gaps and over rows that are not `good` are
+    left out; nan if there are too few.
     """
-    least = math.inf
+    found: list[float] = []
     for order in ORDERS:
         difference, usable = _differences(t, y, good, order)
         if np.count_nonzero(usable) < _FEWEST:
             break
-        least = min(least, _spread(difference[usable]) / math.sqrt(math.comb(2 * order, order)))
-    return least if math.isfinite(least) else math.nan
+        found.append(_spread(difference[usable]) / math.sqrt(math.comb(2 * order, order)))
+    return next((each for each in found if each <= NEAR * min(found)), math.nan)
 
 
 def _differences(t: Array, y: Array, good: Mask, order: int) -> tuple[Array, Mask]:

@@ -63,7 +63,7 @@ class Screen:
 
         def glance(trial: tuple[str, Values]) -> Fitted:
             model = parent.model.with_effect(trial[0])
-            x = model.searched({**parent.model.values(parent.x), **trial[1]})
+            x = model.searched(begun_from(parent.model.values(parent.x), trial[1]))
             return fit(model, fewer, x, begun, GLANCE)
 
         seen: dict[str, Fitted] = {}
@@ -99,6 +99,12 @@ class Screen:
         residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
         speed = states[:, 1] if model.sees_speed else None
         return {name: lines(name, cut, residual, states[:, 2], speed) for name in waves}
+
+
+def begun_from(values: Values, start: Values) -> Values:
+    """A parent's parameters with those of a start, and its factors."""
+    factors = {place: start.get(f"*{place}", 1.0) for place in values}
+    return {place: value * factors[place] for place, value in values.items()} | start
 
 
 def screen(every: Cut, each: Each) -> Screen:
