@@ -26,6 +26,8 @@ FEWEST: Final = 50
 """Samples without which nothing is looked for."""
 MISSING: Final = 5e-4
 """Part of the samples that may be missing without a word."""
+MOSTLY_NOISE: Final = 0.5
+"""Part of y's deviation from which on its samples' errors are all there is."""
 CLIPPED_RUN: Final = 4
 """Readings in a row that stand at the end of the range."""
 
@@ -80,6 +82,8 @@ def examine(recording: Recording) -> Defects:
         remarks.append(_clipped_remark(name, recording.y[bad]))
     rest = rows[~bad[rows]]
     found = stencils(recording.t, recording.y, rest)
+    if found.noise > MOSTLY_NOISE * float(np.std(recording.y[rest])):
+        remarks.append(f"{name}: y is mostly noise: does the load move, is it the right column?")
     step = counts(recording.y[rest], found.noise)
     late = timing_jitter(found, recording.t[rest], recording.y[rest]) if step.step == 0.0 else Jitter()
     off = outliers(found, late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found))

@@ -141,6 +141,9 @@ def _strong(case: Case, random) -> Case:
     noise = case.noise_part * float(np.std(detrend(y)))
     if effects and _left(whole, y, u) < LEAST * noise:
         raise Invisible(str(case.causes))
+    seen, _ = run(whole, np.random.default_rng(case.number).normal(0.0, noise, len(whole.t)))
+    if noise > 2.0 * case.noise_part * float(np.std(detrend(seen))):  # a loop on noise that moves nothing
+        raise Invisible(str(case.causes))
     return replace(whole, noise=noise)
 
 

@@ -145,6 +145,11 @@ def test_wrong_columns_are_named(u, y, words):
     assert "--columns" in remark
 
 
+def test_a_record_of_noise_alone_is_told():
+    (remark,) = examine(recording(np.random.default_rng(1).normal(0.0, NOISE, len(T)))).remarks
+    assert "mostly noise" in remark
+
+
 def test_times_in_milliseconds_are_suspected():
     assert "--units t=ms" in examine(recording(noisy(), 1000.0 * T)).remarks[0]
 
