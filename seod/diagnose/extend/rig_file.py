@@ -97,7 +97,6 @@ def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, st
         "movement": 0.01 * (fastest if speed else swing),
         "reference": reference,
         "position": found.centre,
-        "stale": max(0.01, 4.0 / rate),
     }
     return {key: f"{rounded(x)!r}" for key, x in numbers.items()}
 
