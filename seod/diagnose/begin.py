@@ -152,7 +152,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     return Scales(
         volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
         speed=float(np.std(speed)),
-        pressure=float(np.quantile(np.abs(states[:, 0]), 0.999)),
+        pressure=float(np.quantile(np.abs(states[:, 0]), 0.95)),
         centre=float(np.mean(position)),
         travel=float(np.ptp(position)),
         swing=_swing(position, speed, cut),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import baseline, scales, simulated_states
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 DIFFERENT: Final = 0.05
 """Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
+MOSTLY_NOISE: Final = 0.7
+"""NRMSE of noise alone from which on nothing can be told."""
 WORKERS: Final = 2
 
 
@@ -106,19 +109,25 @@ def _search(
     screened = screen(small, each)
     first, near = baseline(screened.cut, sees_speed, known, each)
     base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
+    plain = held_out(base.model, base.x, aside)
+    if plain.floor > MOSTLY_NOISE:
+        raise DiagnoseError(
+            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
+            "a diagnosis needs a movement"
+        )
     sizes = scales(near, screened.cut)
+    sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
     roots = _roots(base, near, sizes, screened)
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
     complete = [refined(each, small, screened) for each in finalists(grown.best) if each.model.names]
     best = min(complete, key=lambda one: one.cost) if complete else base
-    best, without = thinned(best, small, screened)
     progress("measuring the gain", 0.8)
-    held = held_out(best.model, best.x, aside)
-    chosen = Chosen(best, without, small, held)
-    effects = found_effects(chosen, aside, screened, grown.tried)
-    return Found(base, held_out(base.model, base.x, aside), chosen, tuple(effects), grown)
+    judged, without = thinned(best, small, aside, screened)
+    chosen = Chosen(judged.found, without, small, judged.held)
+    effects = found_effects(chosen, screened, grown.tried)
+    return Found(base, plain, chosen, tuple(effects), grown)
 
 
 def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[Fitted]:

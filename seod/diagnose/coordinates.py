@@ -66,7 +66,7 @@ class Scales:
     Attributes:
         volts: Largest command, either way [V].
         speed: Standard deviation of the load's speed by the baseline [unit/s].
-        pressure: Largest load pressure by the baseline, as acceleration [unit/s^2].
+        pressure: Load pressure by the baseline, seldom exceeded, as acceleration [unit/s^2].
         centre: Mean position [unit].
         travel: Range of positions [unit].
         swing: Typical movement between two reversals [unit].

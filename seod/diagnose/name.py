@@ -9,7 +9,6 @@ from seod.diagnose.answer import FoundEffect, Gain
 from seod.diagnose.coordinates import searched_causes
 from seod.diagnose.fit import fit
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
-from seod.diagnose.score import held_out
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
     from seod.diagnose.screen import Screen
+    from seod.diagnose.select import Judged
     from seod.diagnose.windows import Cut
 
 AS_WELL: Final = 0.004
@@ -35,26 +35,25 @@ class Chosen:
     """
 
     found: Fitted
-    without: Mapping[str, Fitted]
+    without: Mapping[str, Judged]
     cut: Cut
     held: HeldOut
 
 
 def found_effects(
-    chosen: Chosen, aside: Cut, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+    chosen: Chosen, screen: Screen, tried: Mapping[frozenset[str], Fitted]
 ) -> list[FoundEffect]:
     """In order of gain."""
     out = []
     spread = covariance(chosen.found, chosen.cut)
     for name, rest in chosen.without.items():
-        held = held_out(rest.model, rest.x, aside)
         out.append(
             FoundEffect(
                 name=name,
                 parameters=effect_parameters(chosen.found, name, spread),
-                gain=Gain(held.nrmse, chosen.held.nrmse),
-                p_value=p_value(held, chosen.held),
-                indistinguishable_from=tuple(_in_place_of(name, chosen.found, rest, screen, tried)),
+                gain=Gain(rest.held.nrmse, chosen.held.nrmse),
+                p_value=p_value(rest.held, chosen.held),
+                indistinguishable_from=tuple(_in_place_of(name, chosen.found, rest.found, screen, tried)),
             )
         )
     return sorted(out, key=lambda each: -each.gain.nrmse_without)

@@ -10,6 +10,7 @@ import numpy as np
 from seod.diagnose.begin import simulated_states
 from seod.diagnose.coordinates import searched_causes
 from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.score import HeldOut, held_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -32,6 +33,14 @@ def excess(found: Fitted, cut: Cut) -> float:
     """Geometric mean of the windows' squared errors over the noise's."""
     weights = cut.sizes / cut.sizes.sum()
     return float(np.exp(found.cost - weights @ np.log(cut.noise**2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A set of effects fitted to all windows, and its simulation of those held out."""
+
+    found: Fitted
+    held: HeldOut
 
 
 @dataclass
@@ -88,16 +97,31 @@ def without(found: Fitted, name: str, cut: Cut, screen: Screen) -> Fitted:
     return fit(model, cut, x, simulated_states(model, x, cut), each=screen.each)
 
 
-def thinned(found: Fitted, cut: Cut, screen: Screen) -> tuple[Fitted, dict[str, Fitted]]:
-    """Without the effects that gain too little; and of those left, the set without each."""
+def thinned(found: Fitted, cut: Cut, aside: Cut, screen: Screen) -> tuple[Judged, dict[str, Judged]]:
+    """Without the effects that gain too little, and of those left the set without each.
+
+    They have to gain where they were fitted (`cut`), and on the windows held out (`aside`).
+    """
+    own = Judged(found, held_out(found.model, found.x, aside))
     while True:
-        rest = {name: without(found, name, cut, screen) for name in found.model.names}
+        rest = {name: _left(own.found, name, cut, aside, screen) for name in own.found.model.names}
         if not rest:
-            return found, {}
-        least = min(rest.values(), key=lambda one: one.cost)
-        if least.cost - found.cost >= GAIN:
-            return found, rest
-        found = least
+            return own, {}
+        least = min(rest.values(), key=lambda one: _gain(one, own))
+        if _gain(least, own) >= GAIN:
+            return own, rest
+        own = least
+
+
+def _left(found: Fitted, name: str, cut: Cut, aside: Cut, screen: Screen) -> Judged:
+    fewer = without(found, name, cut, screen)
+    return Judged(fewer, held_out(fewer.model, fewer.x, aside))
+
+
+def _gain(fewer: Judged, more: Judged) -> float:
+    """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
+    held = fewer.held.log_error - more.held.log_error
+    return min(fewer.found.cost - more.found.cost, 2.0 * held)
 
 
 def finalists(best: Sequence[Fitted]) -> list[Fitted]:
