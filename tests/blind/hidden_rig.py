@@ -10,7 +10,7 @@ import numpy as np
 from hidden_plant import DEFAULTS, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
 
 LONGEST = 4e-5
-"""Step [s]."""
+"""Step [s]; that of bristles, which are quick, is a quarter of it."""
 
 VALVE = {
     "transport_delay": {"time": "delay"},
@@ -138,8 +138,9 @@ def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, lat
     y, u = np.empty(n), np.array(drive.u, float)
     times = t if seen_at is None else seen_at
     settings = np.array(drive.settings)
+    longest = LONGEST / 4.0 if s["bristle_stiffness"] > 0.0 else LONGEST
     hidden_plant.run(
-        s, m[0], w, times, u, drive.kind, settings, noise, supply, gusts, latency, LONGEST, y
+        s, m[0], w, times, u, drive.kind, settings, noise, supply, gusts, latency, longest, y
     )  # fmt: skip
     return y, u
 

@@ -98,7 +98,7 @@ def effects_of(cause: str, s: float, d: dict[str, float], z: Sizes, omega_n: flo
         "gusts": {"strength": 3.0 * f},
     }  # fmt: skip
     if cause == BRISTLES:
-        stiff = f / (0.02 * z.speed / omega_n)
+        stiff = f / (0.005 * z.speed / omega_n)
         bristles = {"stiffness": stiff, "damping": 0.5 * math.sqrt(stiff)}
         return {"coulomb_friction": {"level": f}, "lugre_friction": bristles}
     return {cause: simple[cause]}
