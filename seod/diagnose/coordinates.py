@@ -203,7 +203,7 @@ def _load(s: Scales) -> dict[str, Group]:
     }
     resonance = {
         **_sized("load_resonance.inertia", 1e-3, 10.0),
-        **_sized("load_resonance.omega", max(0.1 * s.omega_n, 1.0), min(20.0 * s.omega_n, 2.0 / s.tick_s)),
+        **_sized("load_resonance.omega", max(0.3 * s.omega_n, 1.0), min(20.0 * s.omega_n, 2.0 / s.tick_s)),
         **_sized("load_resonance.zeta", 2e-3, 0.5),
     }
     return {

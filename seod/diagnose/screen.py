@@ -26,11 +26,13 @@ PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
 SCREENED_S: Final = 6.0
 """Of windows on which the better causes are fitted."""
-GLANCE: Final = 2
+GLANCE: Final = 4
 """Steps from every start."""
+FAR: Final = 12
+"""Steps from one whose K_L and zeta are far from the baseline's."""
 STEPS: Final = 14
 """Steps of the better ones."""
-PROMISING: Final = 7
+PROMISING: Final = 10
 """Causes that are fitted further."""
 
 
@@ -64,7 +66,7 @@ class Screen:
         def glance(trial: tuple[str, Values]) -> Fitted:
             model = parent.model.with_effect(trial[0])
             x = model.searched(begun_from(parent.model.values(parent.x), trial[1]))
-            return fit(model, fewer, x, begun, GLANCE)
+            return fit(model, fewer, x, begun, FAR if "*K_L" in trial[1] else GLANCE)
 
         seen: dict[str, Fitted] = {}
         for (name, _), found in zip(trials, self.each(glance, trials), strict=True):
