@@ -3,8 +3,8 @@
     python bench/real_rigs.py FOLDER [--rig chirp|positioning]
 
 FOLDER holds `servohydraulic_chirp.csv.gz` and `electromechanical_positioning.csv.gz`; without it nothing is
-done. Fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and of the
-whole record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
+done. Fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and of
+the whole record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
 """
 
 from __future__ import annotations
