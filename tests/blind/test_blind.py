@@ -39,7 +39,7 @@ PAIRS = [
     (("coulomb_friction", "transport_delay"), "steps", False),
     (("backlash", "valve_deadband"), "multisine", False),
 ]
-UNLISTED = [("gusts", "multisine", True), ("volume", "steps", False), ("curved", "operation", False)]
+UNLISTED = [("gusts", "multisine", True)]
 SECONDS = 12.0
 
 
