@@ -36,7 +36,8 @@ RELAY = np.dtype(
 
 
 @compiled
-def _condition(s: Record, supply: Array, warmth: Array, k: int) -> None:
+def condition(s: Record, supply: Array, warmth: Array, k: int) -> None:
+    """Have the surroundings of row `k` from now on."""
     if len(supply):
         s.supply = supply[k]
     if len(warmth):
@@ -67,7 +68,7 @@ def follow(
     """Given commands `u` [V] at the times `t_u` [s]: what is measured at the times `t` [s], into `y`."""
     given = 0
     for k in range(len(t)):
-        _condition(s, supply, warmth, k)
+        condition(s, supply, warmth, k)
         given = _deliver(p, s, t_u, u, given, len(u), t[k])
         y[k] = _read(p, s, noise, k)
 
@@ -94,7 +95,7 @@ def sampled_relay(
     crossed, period, late = math.nan, 0.0, 0.0  # last upward crossing, last undisturbed period, lateness now
     count, due = 0, -math.inf  # cycles of this phase; when the shown sign follows
     for k in range(len(t)):
-        _condition(s, supply, warmth, k)
+        condition(s, supply, warmth, k)
         given = _deliver(p, s, t_u, u, given, k, t[k])
         y[k] = _read(p, s, noise, k)
         if r.velocity_mode == 0.0:

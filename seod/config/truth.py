@@ -28,13 +28,13 @@ def truth(config: RigConfig) -> dict[str, dict[str, float | None]]:
         if plant is None:
             continue
         per_volt = output.scale / UNITS[output.unit][1]
-        unit = per_volt * _si_per_plant_unit(sensor, plant.sensor is not None)
+        unit = per_volt * si_per_plant_unit(sensor, plant.sensor is not None)
         true = plant_truth(plant, config.simulation.constants)
         answer[name] = {**true, "K_L": None if true["K_L"] is None else true["K_L"] * unit}
     return answer
 
 
-def _si_per_plant_unit(sensor: SensorConfig, is_si: bool) -> float:
+def si_per_plant_unit(sensor: SensorConfig, is_si: bool) -> float:
     """A plant moves in its channel's unit, or in SI where a sensor of its own looks at it."""
     if is_si or not isinstance(sensor, ScaledConfig | FvConverterConfig):
         return 1.0

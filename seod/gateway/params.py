@@ -8,8 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from seod.protocol import INVALID_PARAMS, RpcError, hint
 
-TOPICS = ("estimate", "sample", "event", "health")
-Topic = Literal["estimate", "sample", "event", "health"]
+TOPICS = ("estimate", "sample", "event", "health", "model_error")
+Topic = Literal["estimate", "sample", "event", "health", "model_error"]
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 _NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

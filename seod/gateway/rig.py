@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from seod import PROTOCOL, __version__
 from seod.config.resolution import resolution_of
 from seod.config.truth import truth
+from seod.gateway.beside import Beside
 from seod.gateway.estimation import Axis
 from seod.gateway.health import Health
 from seod.gateway.mailbox import Mailbox
@@ -17,7 +18,7 @@ from seod.gateway.messages import message, sample_message
 from seod.gateway.recording import Recording
 from seod.gateway.rows import RowReader
 from seod.gateway.two_phase import TwoPhases
-from seod.record.layout import ESTIMATES, EVENTS, HEALTH
+from seod.record.layout import ESTIMATES, EVENTS, HEALTH, MODEL_ERRORS
 from seod.record.recorder import WAITING_ROWS
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class Rig:
             for name, axis in config.axes.items()
             for sensor in [config.sensors[axis.sensor]]
         }
+        self._beside = {name: Beside(config, name) for name in config.axes}
         self.mailbox = Mailbox(shared.commands, restart_loop)
         self._two_phase = TwoPhases(self.axes, self.mailbox, self._warn)
         self.clients: Callable[[], dict[str, Any]] = dict
@@ -102,6 +104,8 @@ class Rig:
             self._on_rows(rows)
         elif now - self._last_rows > SILENCE_S:
             self._note_silence()
+        for beside in self._beside.values():
+            self._on_model_errors(beside)
         for news in self._recording.news():
             self._warn("recording", news)
         if now >= self._next_health:
@@ -163,6 +167,7 @@ class Rig:
                 self._note_dependence(axis.name, estimate)
                 if not self._replayed:
                     self._two_phase.consider(axis.name, estimate, reference=block[-1][2])
+            self._beside[axis.name].feed(block)
             axis.reconcile(float(rows["tick_t"][-1]), block[-1][-2])
 
     def _estimates(self, axis: Axis, block: list[RowTuple]) -> list[Estimate]:
@@ -181,6 +186,17 @@ class Rig:
             self._dependent[axis] = finding.other_e_a
             self._warn("depends_on_e_a", f"{axis}: {estimate.advice}", axis)
 
+    def _on_model_errors(self, beside: Beside) -> None:
+        axis = beside.axis
+        for error, news in beside.answers():
+            params = error.as_message(axis, beside.left)
+            self._recording.note(MODEL_ERRORS + axis, error.t, params)
+            self._hub.publish("model_error", axis, error.t, lambda params=params: params)  # type: ignore[misc]
+            if news:
+                self._warn("model", f"{axis}: {news}", axis)
+        if trouble := beside.trouble():
+            self._warn("model", f"{axis}: its model cannot be simulated beside it: {trouble}", axis)
+
     def _note_lost(self) -> None:
         lost = self._reader.lost - self._rows_lost
         if lost:
@@ -191,6 +207,7 @@ class Rig:
     def _interrupt(self) -> None:
         for axis in self.axes.values():
             axis.interrupted()
+            self._beside[axis.name].interrupted()
 
     def _note_silence(self) -> None:
         for axis in self.axes.values():
@@ -279,8 +296,12 @@ class Rig:
 
     def status(self) -> dict[str, Any]:
         """The answer to `status`: everything at once."""
-        axes = {name: axis.whole(self.now()) for name, axis in self.axes.items()}
+        axes = {name: self.whole(axis) for name, axis in self.axes.items()}
         return {**self.info(), "axes": axes, "health": self.health()}
+
+    def whole(self, axis: Axis) -> dict[str, Any]:
+        """The answer to `get`."""
+        return {**axis.whole(self.now()), "model_error": self._beside[axis.name].newest()}
 
     def _realtime(self) -> dict[str, Any]:
         dead = self.mailbox.dead_why
@@ -301,5 +322,7 @@ class Rig:
     def close(self) -> None:
         """Take the last rows, end the recording, let go of the memory."""
         self.poll()
+        for beside in self._beside.values():
+            beside.close()
         self._reader.close()
         self._recording.close()

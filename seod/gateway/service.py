@@ -154,7 +154,7 @@ class Service:
         }
 
     def _get(self, _: Session, params: AxisParams) -> Result:
-        return self._axis(params.axis).whole(self._rig.now())
+        return self._rig.whole(self._axis(params.axis))
 
     def _subscribe(self, session: Session, params: SubscribeParams) -> Result:
         axes = [self._axis(name).name for name in params.axes or self._rig.axes]

@@ -5,7 +5,8 @@ attachments `rig.yaml` (the rig file) and `rig.json` (as it was read, in SI). Ch
 
 - `/rows/<axis>`: one message a tick, CDR by the schema `ROW_SCHEMA` ("ros2msg"): every message has the bytes
   of `ROW`, so that `decode` is one look at memory and all digits are kept. Undefined is nan.
-- `/estimates/<axis>`, `/events`, `/health`, `/counters`: JSON as on the TCP stream. Undefined is null.
+- `/estimates/<axis>`, `/model_errors/<axis>`, `/events`, `/health`, `/counters`: JSON as on the TCP stream.
+  Undefined is null.
 
 Times in messages are CLOCK_MONOTONIC [s]. `log_time` [ns] is `t_tick` (of JSON messages `t`) plus
 `clock_offset_ns`: the wall clock, by one offset for a file. `publish_time` of a row is `t_u`, likewise.
@@ -31,6 +32,7 @@ RIG: Final = "rig.json"
 """Names of the attachments."""
 ROWS: Final = "/rows/"
 ESTIMATES: Final = "/estimates/"
+MODEL_ERRORS: Final = "/model_errors/"
 EVENTS: Final = "/events"
 HEALTH: Final = "/health"
 COUNTERS: Final = "/counters"

@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from seod import PROTOCOL, __version__
 from seod.record import layout
-from seod.record.layout import COUNTERS, ESTIMATES, EVENTS, HEALTH, ROWS
+from seod.record.layout import COUNTERS, ESTIMATES, EVENTS, HEALTH, MODEL_ERRORS, ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -63,8 +63,8 @@ class McapFile:
         self._writer.start(layout.PROFILE, LIBRARY)
         self._introduce(part)
         self._rows = [self._row_channel(axis) for axis in about.axes]
-        estimates = [ESTIMATES + axis for axis in about.axes]
-        self._notes = {topic: self._json_channel(topic) for topic in (*estimates, EVENTS, HEALTH, COUNTERS)}
+        of_axes = [kind + axis for axis in about.axes for kind in (ESTIMATES, MODEL_ERRORS)]
+        self._notes = {topic: self._json_channel(topic) for topic in (*of_axes, EVENTS, HEALTH, COUNTERS)}
 
     def _introduce(self, part: int) -> None:
         about = self._about

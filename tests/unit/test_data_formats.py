@@ -271,7 +271,7 @@ def test_all_that_is_in_a_recording(tmp_path):
     assert "[1]" in told
     assert source.notes["seod.rig"] == "bench"
     assert "attachment rig.yaml" in source.notes
-    assert [group.main for group in source.groups] == [True, False, False, False, False]
+    assert [group.main for group in source.groups] == [True, False, False, False, False, False]
 
 
 def test_a_recording_that_was_cut_off_is_read_to_its_last_whole_chunk(tmp_path):

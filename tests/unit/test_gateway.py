@@ -52,7 +52,7 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    known = {"axis", "state", "fault", "estimate", "controller", "second_phase", "settings"}
+    known = {"axis", "state", "fault", "estimate", "controller", "second_phase", "settings", "model_error"}
     assert set(answer) == known
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
@@ -145,7 +145,7 @@ async def test_list_tells_what_can_be_asked_for():
     async with running() as run, peer(run) as client:
         number = (await client.call("subscribe", topics=["event"]))["subscription"]
         listed = await client.call("list")
-        assert listed["topics"] == ["estimate", "sample", "event", "health"]
+        assert listed["topics"] == ["estimate", "sample", "event", "health", "model_error"]
         assert listed["axes"] == ["motor"]
         assert listed["subscriptions"] == [number]
         for method in listed["methods"]:

@@ -1,0 +1,206 @@
+"""Hides causes in records and asks the diagnosis: who finds what, against the goals.
+
+    python bench/blind.py --out blind.jsonl --count 200     # again with the same file: goes on where it was
+    python bench/blind.py --out blind.jsonl --count 0       # only the tables
+    python bench/blind.py --out relay.jsonl --cause coulomb_friction --excitation relay --noise 0.03
+
+Records come from the generator of `tests/blind`, which shares nothing with the model that is fitted. Each
+number makes one record, and one line in the file; the diagnosis sees the CSV file alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
+
+from hidden_cases import KINDS, Case, Invisible, draw
+from hidden_records import make_record, write
+from hidden_score import OUTCOMES, outcome, parameters, wilson
+
+from seod.data import read
+from seod.diagnose.answer import DiagnoseError
+from seod.diagnose.command import Options, diagnose
+
+GOALS = {"one": 0.99, "two": 0.95, "clean": 0.995, "unlisted": 0.95}
+COVERAGE = (0.90, 0.98)
+OUT = Path(tempfile.gettempdir()) / "seod-blind.jsonl"
+
+
+def answer(case: Case, folder: Path) -> tuple[dict, float]:
+    """What the diagnosis says of the case's file, and how long it took [s]."""
+    path = folder / "run.csv"
+    write(make_record(case), path)
+    output = "velocity" if case.rig.sees_speed else "position"
+    before = perf_counter()
+    try:
+        told = diagnose([read(path)], (), Options(output=output)).as_json()
+    except DiagnoseError as error:
+        told = {"verdict": f"refused: {error}", "effects": []}
+    return told, perf_counter() - before
+
+
+def _told_by_file(case: Case) -> dict:
+    """Effects as far as a file can tell: of a speed neither the position nor the phase of its ripple."""
+    values = {name: dict(group) for name, group in case.rig.effects.items()}
+    if case.rig.sees_speed:
+        values.get("position_ripple", {}).pop("phase", None)
+        values.get("load_spring", {}).pop("centre", None)
+    return values | ({case.causes[0]: _defect(case)} if case.defects else {})
+
+
+def _defect(case: Case) -> dict[str, float]:
+    names = {"jitter": "deviation", "part": "rate"}
+    return {names.get(name, name): value for name, value in case.defects.items()}
+
+
+def line(case: Case, told: dict, seconds: float) -> dict:
+    return {
+        "number": case.number,
+        "kind": case.kind,
+        "causes": list(case.causes),
+        "excitation": case.excitation,
+        "output": "velocity" if case.rig.sees_speed else "position",
+        "noise_part": case.noise_part,
+        "visible": case.visible,
+        "plant": [case.rig.K_L, case.rig.omega_n, case.rig.zeta],
+        "effects": case.rig.effects,
+        "defects": case.defects,
+        "outcome": outcome(case.kind, case.causes, told),
+        "verdict": told["verdict"],
+        "named": [each["name"] for each in told["effects"]],
+        "as_well": [each["indistinguishable_from"] for each in told["effects"]],
+        "parameters": parameters(_told_by_file(case), told),
+        "before": (told.get("baseline") or {}).get("holdout_nrmse"),
+        "after": (told.get("extended") or {}).get("holdout_nrmse"),
+        "floor": told.get("noise_floor_nrmse"),
+        "found_plant": [(told.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
+        "seconds": seconds,
+    }
+
+
+def run(args: argparse.Namespace, done: set[int]) -> None:
+    with tempfile.TemporaryDirectory() as folder, args.out.open("a", encoding="utf-8") as out:
+        for number in range(args.first, args.first + args.count):
+            if number in done:
+                continue
+            causes = None if args.cause is None else tuple(args.cause)
+            try:
+                case = draw(number, args.kind, causes, args.excitation, None, args.noise, args.duration)
+            except Invisible as error:
+                print(error, flush=True)
+                continue
+            found = line(case, *answer(case, Path(folder)))
+            out.write(json.dumps(found) + "\n")
+            out.flush()
+            print(summary(found), flush=True)
+
+
+def summary(found: dict) -> str:
+    hidden = "+".join(found["causes"]) or "nothing"
+    named = "+".join(found["named"]) or "nothing"
+    visible = "/".join(f"{x:.1f}" for x in found["visible"].values())
+    how = f"{found['excitation']} {found['output']}"
+    return (
+        f"{found['number']:5d} {found['outcome']:6s} {hidden:45s} ({visible:>9s}) {how:20s} "
+        f"-> {found['verdict'][:30]}: {named} {found['as_well']} {found['seconds']:.1f} s"
+    )
+
+
+def rate(lines: list[dict]) -> str:
+    counts = Counter(each["outcome"] for each in lines)
+    right = counts["exact"] + counts["within"]
+    low, high = wilson(right, len(lines))
+    return (
+        f"{right:4d} of {len(lines):4d}  {100 * right / max(len(lines), 1):5.1f} % "
+        f"[{100 * low:5.1f}, {100 * high:5.1f}]  exact {counts['exact']:4d}"
+    )
+
+
+def table(title: str, lines: list[dict], key) -> None:
+    groups = defaultdict(list)
+    for each in lines:
+        groups[key(each)].append(each)
+    print(f"\n{title}")
+    for name in sorted(groups):
+        print(f"  {name!s:32s} {rate(groups[name])}")
+
+
+def confusion(lines: list[dict]) -> None:
+    print("\nhidden -> named (single causes, misses alone)")
+    pairs = Counter(
+        (each["causes"][0], "+".join(sorted(each["named"])) or "nothing")
+        for each in lines
+        if each["kind"] == "one" and each["outcome"] == "wrong"
+    )
+    for (hidden, named), count in sorted(pairs.items()):
+        print(f"  {hidden:32s} {named:60s} {count}")
+
+
+def intervals(lines: list[dict]) -> None:
+    told = [each for one in lines if one["outcome"] == "exact" for each in one["parameters"]]
+    if not told:
+        return
+    inside = sum(low <= truth <= high for _, truth, _, low, high in told)
+    low, high = wilson(inside, len(told))
+    print(
+        f"\nparameter intervals cover {inside} of {len(told)}: {100 * inside / len(told):.1f} % "
+        f"[{100 * low:.1f}, {100 * high:.1f}], goal {100 * COVERAGE[0]:g}-{100 * COVERAGE[1]:g} %"
+    )
+    places = defaultdict(list)
+    for place, truth, value, *ends in told:
+        places[place].append((abs(value - truth) / max(abs(truth), 1e-300), ends[0] <= truth <= ends[1]))
+    for place, errors in sorted(places.items()):
+        covered = sum(good for _, good in errors)
+        print(
+            f"  {place:44s} median error {100 * median(e for e, _ in errors):6.2f} %  {covered}/{len(errors)}"
+        )
+
+
+def tables(lines: list[dict]) -> None:
+    print(f"\n{len(lines)} records, {', '.join(OUTCOMES)}; right: exact or within")
+    for kind in KINDS:
+        ours = [each for each in lines if each["kind"] == kind]
+        print(f"  {kind:10s} {rate(ours)}  goal {100 * GOALS[kind]:g} %")
+    table("single causes", [each for each in lines if each["kind"] == "one"], lambda each: each["causes"][0])
+    table("by excitation", lines, lambda each: f"{each['excitation']} {each['output']}")
+    table("by noise", lines, lambda each: each["noise_part"])
+    table("off the list", [e for e in lines if e["kind"] == "unlisted"], lambda each: each["causes"][0])
+    alarms = [each for each in lines if each["kind"] == "clean" and each["named"]]
+    print(f"\nfalse alarms on clean records: {len(alarms)}")
+    confusion(lines)
+    intervals(lines)
+    if lines:
+        print(f"\nseconds a record: median {median(each['seconds'] for each in lines):.1f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=OUT, help="results, one a line")
+    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--kind", choices=KINDS)
+    parser.add_argument("--cause", action="append", help="hide this one; twice: both")
+    parser.add_argument("--excitation")
+    parser.add_argument("--noise", type=float, default=0.01, help="part of the detrended std(y)")
+    parser.add_argument("--duration", type=float, help="of each record [s]; default: by the plant, 20 or 30")
+    args = parser.parse_args()
+    args.kind = args.kind or (None if args.cause is None else ("one", "two")[len(args.cause) - 1])
+    lines = _read(args.out)
+    run(args, {each["number"] for each in lines})
+    tables(_read(args.out))
+
+
+def _read(path: Path) -> list[dict]:
+    return [json.loads(row) for row in path.read_text().splitlines()] if path.exists() else []
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""The command `seod diagnose`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from seod.commands.common import CommandError, app, load, plain_errors, show
+
+
+@app.command()
+def diagnose(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="DATA...", help="Recordings; several are fitted jointly.")
+    ],
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A recording that no fit may see; repeatable."),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(metavar="CONFIG", help="Rig file, whose model is the baseline.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write report.html, diagnosis.json and extended.yaml there."),
+    ] = None,
+    axis: Annotated[str | None, typer.Option(help="Of recordings and rig files with several.")] = None,
+    output: Annotated[
+        Literal["position", "velocity"] | None,
+        typer.Option(
+            help="What y is. Default: by the unit of y, or as the rig file's axis has it; else position."
+        ),
+    ] = None,
+    columns: Annotated[
+        str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
+    ] = "",
+    units: Annotated[
+        str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
+) -> None:
+    """Show what the simulation gets wrong, name the cause, and extend the model."""
+    from seod.data.source import ReadError  # noqa: PLC0415 - numerics, and a compiler
+    from seod.diagnose.answer import DiagnoseError  # noqa: PLC0415
+    from seod.diagnose.run import Wishes, run  # noqa: PLC0415
+
+    with plain_errors():
+        rig = None if config is None else (config, load(config))
+        if rig is not None and axis is not None and axis not in rig[1].axes:
+            raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig[1].axes)}")
+        wishes = Wishes(holdout or [], rig, out, axis, output, columns, units, as_json)
+        try:
+            show(run(paths, wishes))
+        except (ReadError, DiagnoseError, OSError) as error:
+            raise CommandError(str(error)) from error

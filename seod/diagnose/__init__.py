@@ -1,0 +1,1 @@
+"""What a simulation gets wrong, why, and what it gains to put it in."""

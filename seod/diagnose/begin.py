@@ -1,0 +1,173 @@
+"""Where a search begins: Eq. 1 from a grid of frequencies and dampings, initial states by its simulation."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.coordinates import Scales
+from seod.diagnose.fit import fit, linear_gain
+from seod.diagnose.model import BASE, baseline_model
+from seod.diagnose.simulate import STATES, inside
+from seod.diagnose.windows import Cut, dominant_hz, pieces, sample
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seod.diagnose.answer import Array
+    from seod.diagnose.fit import Each, Fitted
+    from seod.diagnose.model import Model
+    from seod.diagnose.windows import Series
+
+DAMPINGS: Final = (0.1, 0.4, 1.2)
+FREQUENCIES: Final = 12
+WIDTH: Final = (0.3, 60.0)
+"""Searched frequencies over the dominant one."""
+KEPT: Final = 3
+"""Cells of the grid from which the search goes on."""
+GRID_S: Final = 3.0
+"""Of windows in which the grid is searched."""
+SHORT_S: Final = 0.25
+SHORT_ROWS: Final = 100
+"""Least length of the short pieces [s, samples]."""
+
+
+def measured_places(cut: Cut) -> Array:
+    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 6)."""
+    start = np.zeros((len(cut.windows), STATES))
+    for w, (k, first, last) in enumerate(cut.windows):
+        one = cut.series[k]
+        rows = first + np.flatnonzero(one.good[first:last])[:1]
+        start[w, 2] = _travelled(one)[first] if one.sees_speed else one.y[rows[0]]
+    return start
+
+
+def _travelled(one: Series) -> Array:
+    y = np.interp(one.t, one.t[one.good], one.y[one.good])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
+
+
+def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
+    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 6)."""
+    start = measured_places(cut)
+    record = model.record(x)
+    for k in {of for of, _, _ in cut.windows}:
+        whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
+        _, states = inside(record, whole, measured_places(whole))
+        for w, (of, first, _) in enumerate(cut.windows):
+            if of == k:
+                start[w, :2] = states[first, :2]
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def baseline(
+    cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map
+) -> tuple[Fitted, Fitted]:
+    """Eq. 1, with the effects that the rig's file has, fitted from several starts; and a local one.
+
+    The local one was fitted to short pieces with a free load bias, which slow effects hardly touch: where Eq.
+    1 alone is far off it is nearer to the plant.
+    """
+    few = sample(cut, GRID_S)
+    short = pieces(few, max(SHORT_S, SHORT_ROWS * max(one.tick for one in cut.series)))
+    cells = _cells(short, sees_speed, fixed, each)[:KEPT]
+    local = min(each(lambda cell: _biased(cell, short), cells), key=lambda one: one.cost)
+    starts = [local, *_cells(few, sees_speed, fixed, each)[: KEPT - 1]]
+    found: list[Fitted] = list(each(lambda cell: _plain(cell, cut), starts))
+    model, x = _begun(local, cut)
+    nothing = np.zeros(len(x), np.bool_)
+    near = fit(model, cut, x, simulated_states(model, x, cut), free=nothing)
+    return min(found, key=lambda one: one.cost), near
+
+
+class _Cell(NamedTuple):
+    """A start: K_L, a load bias, omega_n and zeta, sorted by the cost."""
+
+    cost: float
+    K_L: float
+    bias: float
+    omega_n: float
+    zeta: float
+    sees_speed: bool
+    fixed: Mapping[str, Mapping[str, float]]
+
+
+def _cells(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each) -> list[_Cell]:
+    """A grid over omega_n and zeta, K_L and a load bias solved for in each cell; the best first."""
+    one = cut.series[cut.windows[0][0]]
+    omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
+    frequencies = np.geomspace(WIDTH[0] * omega, min(WIDTH[1] * omega, 0.5 / one.tick), FREQUENCIES)
+    places = measured_places(cut)
+
+    def cell(at: tuple[float, float]) -> _Cell:
+        omega_n, zeta = at
+        model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed)
+        x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
+        K_L, bias, cost = linear_gain(model, cut, x, places)
+        return _Cell(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
+
+    return sorted(each(cell, product(frequencies.tolist(), DAMPINGS)), key=lambda one: one.cost)
+
+
+def _begun(cell: _Cell, cut: Cut) -> tuple[Model, Array]:
+    sign = math.copysign(1.0, cell.K_L)
+    model = baseline_model(_rough(cut, cell.omega_n), sign, cell.sees_speed, cell.fixed)
+    return model, model.searched({"K_L": cell.K_L, "omega_n": cell.omega_n, "zeta": cell.zeta})
+
+
+def _rough(cut: Cut, omega_n: float) -> Scales:
+    """Sizes as far as the samples alone show them."""
+    y = cut.gathered("y")[cut.good]
+    size = max(float(np.std(y)), 1e-12)
+    tick = max(one.tick for one in cut.series)
+    return Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
+
+
+def _plain(cell: _Cell, cut: Cut) -> Fitted:
+    model, x = _begun(cell, cut)
+    return fit(model, cut, x, simulated_states(model, x, cut), most=20)
+
+
+def _biased(cell: _Cell, cut: Cut) -> _Cell:
+    """The cell after a fit with a free load bias."""
+    plain, x = _begun(cell, cut)
+    model = plain.with_effect("load_bias")
+    x = model.searched({**plain.values(x), "load_bias.acceleration": cell.bias})
+    found = fit(model, cut, x, simulated_states(model, x, cut), most=20)
+    values = model.values(found.x)
+    K_L, omega_n, zeta = (values[name] for name in BASE)
+    return cell._replace(cost=found.cost, K_L=K_L, omega_n=omega_n, zeta=zeta)
+
+
+def scales(fitted: Fitted, cut: Cut) -> Scales:
+    """Sizes in the recordings, by the baseline's simulation."""
+    _, states = inside(fitted.model.record(fitted.x), cut, fitted.start)
+    used = [cut.series[k] for k in sorted({k for k, _, _ in cut.windows})]
+    speed = states[:, 1]
+    omega_n = fitted.model.values(fitted.x)["omega_n"]
+    position = states[:, 2]
+    return Scales(
+        volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
+        speed=float(np.std(speed)),
+        pressure=float(np.quantile(np.abs(states[:, 0]), 0.95)),
+        centre=float(np.mean(position)),
+        travel=float(np.ptp(position)),
+        swing=_swing(position, speed, cut),
+        omega_n=omega_n,
+        span_s=max(float(one.t[-1] - one.t[0]) for one in used),
+        tick_s=max(one.tick for one in used),
+        warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
+        pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
+    )
+
+
+def _swing(position: Array, speed: Array, cut: Cut) -> float:
+    """Median movement from one reversal of the speed to the next; of a speed that has none the travel."""
+    moves: list[float] = []
+    for piece in cut.slices:
+        turns = np.flatnonzero(np.diff(np.sign(speed[piece])))
+        moves += np.abs(np.diff(position[piece][turns])).tolist()
+    return float(np.median(moves)) if len(moves) > 3 else max(float(np.ptp(position[cut.slices[0]])), 1e-12)

@@ -1,0 +1,163 @@
+"""From recordings to a diagnosis: baseline, causes, what they gain, what is left."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.answer import DiagnoseError
+from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.column_check import gain_remarks
+from seod.diagnose.conclude import Found, answered, trimmed
+from seod.diagnose.defects import examine
+from seod.diagnose.fit import fit
+from seod.diagnose.name import Chosen, found_effects
+from seod.diagnose.score import held_out
+from seod.diagnose.screen import screen
+from seod.diagnose.select import finalists, grow, refined, thinned
+from seod.diagnose.windows import cut, pieces, series
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from seod.config.model import RigConfig
+    from seod.data import Recording
+    from seod.diagnose.answer import Diagnosis, Output
+    from seod.diagnose.coordinates import Scales
+    from seod.diagnose.fit import Each, Fitted
+    from seod.diagnose.screen import Screen
+    from seod.diagnose.windows import Cut
+    from sim.config import PlantConfig
+
+    Progress = Callable[[str, float], None]
+
+DIFFERENT: Final = 0.05
+"""Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
+MOSTLY_NOISE: Final = 0.7
+"""NRMSE of noise alone from which on nothing can be told."""
+WORKERS: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user tells.
+
+    Attributes:
+        output: What `y` is.
+        config: The rig whose model is the baseline; None: Eq. 1.
+        axis: Of that rig; None: its first.
+    """
+
+    output: Output = "position"
+    config: RigConfig | None = None
+    axis: str | None = None
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording] = (),
+    options: Options | None = None,
+    progress: Progress = lambda _what, _part: None,
+) -> Diagnosis:
+    """Find what Eq. 1, or a rig's model, gets wrong in recordings.
+
+    Args:
+        recordings: At least one.
+        holdout: Further ones, that no fit sees.
+        options: See there.
+        progress: Called with what is being done and the part of all work that is.
+
+    Raises:
+        DiagnoseError: A recording tells nothing.
+    """
+    wishes = options or Options()
+    sees_speed = wishes.output == "velocity"
+    checked = [examine(each) for each in (*recordings, *holdout)]
+    nominal = _nominal(wishes)
+    every = [
+        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **nominal)
+        for each, defects in zip((*recordings, *holdout), checked, strict=True)
+    ]
+    to_fit, aside = cut(every, len(holdout))
+    with ThreadPoolExecutor(WORKERS) as pool:
+        found = _search(to_fit, aside, sees_speed, _known(wishes), pool.map, progress)
+        if any(each.name == "outliers" for defects in checked for each in defects.found):
+            found = trimmed(found)
+    progress("comparing", 0.9)
+    answer = answered(found, to_fit, aside, checked, wishes.output)
+    name, plant = str(recordings[0].paths[0]), _plant(wishes)
+    remarks = gain_remarks(name, answer.baseline.K_L, None if plant is None else plant.K_L)
+    answer = replace(answer, remarks=(*answer.remarks, *remarks))
+    progress("done", 1.0)
+    return answer
+
+
+def _search(
+    to_fit: Cut,
+    aside: Cut,
+    sees_speed: bool,
+    known: Mapping[str, Mapping[str, float]],
+    each: Each,
+    progress: Progress,
+) -> Found:
+    progress("fitting Eq. 1", 0.0)
+    small = pieces(to_fit)
+    screened = screen(small, each)
+    first, near = baseline(screened.cut, sees_speed, known, each)
+    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
+    plain = held_out(base.model, base.x, aside)
+    if plain.floor > MOSTLY_NOISE:
+        raise DiagnoseError(
+            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
+            "a diagnosis needs a movement"
+        )
+    sizes = scales(near, screened.cut)
+    sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
+    roots = _roots(base, near, sizes, screened)
+    progress("trying causes", 0.1)
+    grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
+    progress("fitting the best", 0.6)
+    complete = [refined(each, small, screened) for each in finalists(grown.best) if each.model.names]
+    best = min(complete, key=lambda one: one.cost) if complete else base
+    progress("measuring the gain", 0.8)
+    judged, without = thinned(best, small, aside, screened)
+    chosen = Chosen(judged.found, without, small, judged.held)
+    effects = found_effects(chosen, screened, grown.tried)
+    return Found(base, plain, chosen, tuple(effects), grown)
+
+
+def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[Fitted]:
+    """The baseline, and the local fit where it differs: with sizes by which effects are scaled."""
+    model = replace(base.model, scales=sizes)
+    roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
+    other = replace(near.model, scales=sizes)
+    if np.any(np.abs(base.x - near.x) > DIFFERENT) or model.coordinates[0] != other.coordinates[0]:
+        nothing = np.zeros(len(near.x), np.bool_)
+        roots.append(fit(other, screened.cut, near.x, screened.start(other, near.x), free=nothing))
+    return roots
+
+
+def _plant(wishes: Options) -> PlantConfig | None:
+    if wishes.config is None or wishes.config.simulation is None:
+        return None
+    plants = wishes.config.simulation.plants
+    return plants.get(wishes.axis or "") or next(iter(plants.values()))
+
+
+def _known(wishes: Options) -> Mapping[str, Mapping[str, float]]:
+    """Effects of the rig's model, but for defects of records."""
+    plant = _plant(wishes)
+    effects = {} if plant is None else plant.effects
+    return {name: values for name, values in effects.items() if EFFECTS[name].enters != "record"}
+
+
+def _nominal(wishes: Options) -> dict[str, float | None]:
+    """Supply pressure and temperature at which the rig's model is what its file says."""
+    plant = _plant(wishes)
+    if plant is None:
+        return {}
+    return {"nominal_ps": plant.nominal_pressure, "nominal_temperature": plant.nominal_temperature}

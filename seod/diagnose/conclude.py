@@ -1,0 +1,154 @@
+"""What was found, put together as the answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
+from seod.diagnose.experiment import next_experiment
+from seod.diagnose.intervals import base_sd, covariance
+from seod.diagnose.left import unexplained
+from seod.diagnose.score import drawn, held_out, nrmse, score, wholes, windows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.answer import Array, NextExperiment, Output, Unexplained, Verdict, Window
+    from seod.diagnose.defects import Defects
+    from seod.diagnose.fit import Fitted
+    from seod.diagnose.name import Chosen
+    from seod.diagnose.score import HeldOut
+    from seod.diagnose.select import Grown
+    from seod.diagnose.windows import Cut
+
+FAR: Final = 4.0
+MOST_FAR: Final = 0.03
+"""Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
+MOSTLY: Final = 0.25
+"""Part of the error that may remain for the named effects to count as the explanation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Results of the search.
+
+    Attributes:
+        base: The baseline, fitted to all windows to fit.
+        held: Its simulation of the windows held out.
+        chosen: The best set of effects.
+        effects: Of it, in order of gain.
+        grown: What was tried.
+    """
+
+    base: Fitted
+    held: HeldOut
+    chosen: Chosen
+    effects: tuple[FoundEffect, ...]
+    grown: Grown
+
+
+def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], output: Output) -> Diagnosis:
+    """The diagnosis; `checked` are the defects of each recording."""
+    baseline, plain = _scored(found.base, found.held, found.chosen.cut)
+    extended, whole = _scored(found.chosen.found, found.chosen.held, found.chosen.cut)
+    left = unexplained(found.held, found.chosen.held)
+    defects = _record_effects(checked, found.chosen.held)
+    steps = [each.step for each in checked if each.step > 0.0]
+    if steps:
+        extended = replace(extended, effects=extended.effects | {"sensor_quantization": {"step": steps[0]}})
+    every = (*found.effects, *defects)
+    return Diagnosis(
+        verdict=_verdict(every, left),
+        baseline=baseline,
+        effects=every,
+        extended=extended,
+        noise_floor_nrmse=found.held.floor,
+        unexplained=left,
+        next_experiment=_experiment(found, aside),
+        output=output,
+        noise_sd=tuple(one.noise for one in aside.series),
+        adequacy=found.chosen.held.adequacy,
+        windows=tuple(_windows(found, to_fit)),
+        whole=drawn(aside, plain, whole),
+        candidates=_candidates(found),
+        remarks=tuple(dict.fromkeys(remark for each in checked for remark in each.remarks)),
+    )
+
+
+def trimmed(found: Found) -> Found:
+    """The same without rows whose error is none of the rest's, where the recordings have outliers.
+
+    Those that differ little from their neighbours are told by a model only.
+    """
+    held = found.chosen.held
+    noise = np.repeat(held.cut.noise, held.cut.sizes)
+    far = np.abs(held.cut.gathered("y") - held.simulated) > FAR * noise
+    if np.count_nonzero(far & held.scored) > MOST_FAR * np.count_nonzero(held.scored):
+        return found
+    chosen = replace(found.chosen, held=replace(held, scored=held.scored & ~far))
+    return replace(found, chosen=chosen, held=replace(found.held, scored=found.held.scored & ~far))
+
+
+def _experiment(found: Found, aside: Cut) -> NextExperiment | None:
+    best, one = found.chosen.found, aside.series[0]
+    volts = float(np.max(np.abs(one.u)))
+    return next_experiment(found.effects, best.model, best.x, one.noise, volts, one.tick)
+
+
+def _scored(fitted: Fitted, held: HeldOut, cut: Cut) -> tuple[Score, list[Array]]:
+    simulated, whole_nrmse, diverged = wholes(fitted.model, fitted.x, held.cut)
+    sd = base_sd(fitted, covariance(fitted, cut))
+    return score(fitted.model, fitted.x, held, whole_nrmse, diverged, sd), simulated
+
+
+def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
+    if left.fraction > (MOSTLY if effects else 0.0):
+        return "unexplained"
+    return "effects" if effects else "clean"
+
+
+def _windows(found: Found, to_fit: Cut) -> list[Window]:
+    base, best = found.base, found.chosen.found
+    seen = windows(held_out(base.model, base.x, to_fit), held_out(best.model, best.x, to_fit), aside=False)
+    seen += windows(found.held, found.chosen.held, aside=True)
+    return sorted(seen, key=lambda window: (window.file, window.rows))
+
+
+def _candidates(found: Found) -> tuple[Candidate, ...]:
+    """Causes that were tried alone, by what they save of the mean log error."""
+    reference = max(one.cost for one in found.grown.best)
+    names = {each.name for each in found.effects}
+    out = []
+    for one in found.grown.tried.values():
+        if len(one.model.names) == 1:
+            gain = reference - one.cost
+            nrmse_with = found.held.nrmse * math.exp(-0.5 * gain)
+            name = one.model.names[0]
+            out.append(Candidate(name, gain, nrmse_with, name in names))
+    return tuple(sorted(out, key=lambda each: -each.gain))
+
+
+def _record_effects(checked: Sequence[Defects], held: HeldOut) -> list[FoundEffect]:
+    """Defects of the recordings, named as effects; rows that are none were left out of all figures."""
+    out: dict[str, FoundEffect] = {}
+    same = Gain(held.nrmse, held.nrmse)
+    for defects in checked:
+        for each in defects.found:
+            out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
+        if defects.step > 0.0 and "sensor_quantization" not in out:
+            out["sensor_quantization"] = _coarse(defects, held)
+    return list(out.values())
+
+
+def _coarse(defects: Defects, held: HeldOut) -> FoundEffect:
+    """A sensor's step: its gain is that of rounding what was simulated."""
+    step, wide = defects.step, 1.96 * defects.counts.sd
+    y = held.cut.gathered("y")
+    rounded = step * np.floor(held.simulated / step + 0.5)
+    with_it = nrmse([(y[p], rounded[p], held.scored[p]) for p in held.cut.slices])
+    told = {"step": Parameter(step, "unit (unit/s for a speed)", (step - wide, step + wide))}
+    return FoundEffect("sensor_quantization", told, Gain(held.nrmse, with_it), 0.0)

@@ -1,0 +1,154 @@
+"""Defects of a recording, recognised before any physics is blamed for them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.answer import Parameter
+from seod.diagnose.column_check import column_remarks
+from seod.diagnose.counts import Counts, counts
+from seod.diagnose.jitter import Jitter, timing_jitter
+from seod.diagnose.outlying import outliers
+from seod.diagnose.stencil import stencils
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seod.data import Recording
+    from seod.diagnose.answer import Array, Mask
+
+FEWEST: Final = 50
+"""Samples without which nothing is looked for."""
+MISSING: Final = 5e-4
+"""Part of the samples that may be missing without a word."""
+MOSTLY_NOISE: Final = 0.5
+"""Part of y's deviation from which on its samples' errors are all there is."""
+CLIPPED_RUN: Final = 4
+"""Readings in a row that stand at the end of the range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Defect:
+    """A defect with its numbers, named as in `sim.effects`.
+
+    Attributes:
+        name: `outliers`, `missing_samples` or `timing_jitter`.
+        parameters: By name.
+        p_value: Of a recording without it.
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Defects:
+    """What is wrong with one recording.
+
+    Attributes:
+        bad: Rows whose `y` is not to be believed: outliers, readings at the end of the range; shape (n,).
+        found: Defects with numbers.
+        counts: The step of a coarse sensor.
+        remarks: What a person should look at, in sentences.
+    """
+
+    bad: Mask
+    found: tuple[Defect, ...] = ()
+    counts: Counts = field(default_factory=Counts)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def step(self) -> float:
+        """Of a coarse sensor [unit of y]; 0 where none is seen."""
+        return self.counts.step
+
+
+def examine(recording: Recording) -> Defects:
+    """Look for defects in one recording."""
+    name = str(recording.paths[0]) if recording.paths else "recording"
+    present = np.isfinite(recording.y)
+    rows = np.flatnonzero(present)
+    remarks = column_remarks(name, recording)
+    if len(rows) < FEWEST or np.ptp(recording.y[rows]) == 0.0:
+        return Defects(np.zeros(len(present), np.bool_), remarks=tuple(remarks))
+    bad = clipped(recording.y)
+    if bad.any():
+        remarks.append(_clipped_remark(name, recording.y[bad]))
+    rest = rows[~bad[rows]]
+    found = stencils(recording.t, recording.y, rest)
+    if found.noise > MOSTLY_NOISE * float(np.std(recording.y[rest])):
+        remarks.append(f"{name}: y is mostly noise: does the load move, is it the right column?")
+    step = counts(recording.y[rest], found.noise)
+    late = timing_jitter(found, recording.t[rest], recording.y[rest]) if step.step == 0.0 else Jitter()
+    off = outliers(found, late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found))
+    bad[off.rows] = True
+    told = [_missing(recording.t, present)]
+    if off.p_value < 1.0:
+        told.append(_named("outliers", off.values, off.ci95, off.p_value))
+    if late.deviation > 0.0:
+        values, ends = {"deviation": late.deviation}, {"deviation": late.ci95}
+        told.append(_named("timing_jitter", values, ends, late.p_value))
+    return Defects(bad, tuple(each for each in told if each), step, tuple(remarks))
+
+
+def _named(
+    name: str, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]], p_value: float
+) -> Defect:
+    units = {each.name: each.unit for each in EFFECTS[name].parameters}
+    told = {of: Parameter(value, units[of], ci95[of]) for of, value in values.items()}
+    return Defect(name, told, p_value)
+
+
+def _missing(t: Array, present: Mask) -> Defect | None:
+    """Rows without a reading, and rows that are not there at all."""
+    steps = np.maximum(np.round(np.diff(t) / np.median(np.diff(t))), 1.0).astype(np.int64)
+    there = np.zeros(1 + int(steps.sum()), np.bool_) if steps.sum() < 100 * len(t) else present
+    if there is not present:
+        there[np.concatenate([[0], np.cumsum(steps)])] = present
+    lost = int(np.count_nonzero(~there))
+    gaps = int(np.count_nonzero(np.diff(np.concatenate([[True], there]).astype(np.int8)) == -1))
+    if lost < MISSING * len(there) or gaps < 3:
+        return None
+    rate, length = lost / len(there), lost / gaps
+    spread = 1.96 * rate * math.sqrt((2.0 - 1.0 / length) / gaps)
+    width = 1.96 * length * math.sqrt((1.0 - 1.0 / length) / gaps)
+    ends = {
+        "rate": (max(0.0, rate - spread), min(1.0, rate + spread)),
+        "length": (max(1.0, length - width), length + width),
+    }
+    return _named("missing_samples", {"rate": rate, "length": length}, ends, 0.0)
+
+
+def clipped(y: Array) -> Mask:
+    """Readings that stand still at an end of their range and came there by larger steps; shape (n,)."""
+    out = np.zeros(len(y), np.bool_)
+    present = np.flatnonzero(np.isfinite(y))
+    seen = y[present]
+    steps = np.abs(np.diff(seen))
+    least = 3.0 * float(np.min(steps[steps > 0.0], initial=math.inf))
+    for end in (float(np.max(seen)), float(np.min(seen))):
+        for first, last in _runs(seen == end):
+            before, behind = steps[max(0, first - 2) : first], steps[last - 1 : last + 1]
+            came = min(np.max(before, initial=0.0), np.max(behind, initial=0.0))
+            if came >= least:
+                out[present[first:last]] = True
+    return out
+
+
+def _runs(at_end: Mask) -> list[tuple[int, int]]:
+    edges = np.diff(np.concatenate([[0], at_end.astype(np.int8), [0]]))
+    pairs = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)
+    return [(first, last) for first, last in pairs if last - first >= CLIPPED_RUN]
+
+
+def _clipped_remark(name: str, ends: Array) -> str:
+    places = " and ".join(f"{end:g}" for end in np.unique(ends).tolist())
+    return (
+        f"{name}: y stands at {places} in {len(ends)} rows: the sensor's range ends there; they are left out"
+    )

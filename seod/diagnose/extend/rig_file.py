@@ -1,0 +1,121 @@
+"""Writes the extended model into a rig file: a copy of the user's own, or a new one for a recording alone."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from seod.config.edit import edited
+from seod.config.load import load_text
+from seod.config.units import UNITS
+from seod.diagnose.extend.model import rounded
+from seod.simulate.view import AxisView
+from sim.experiment import sensor_effects
+
+if TYPE_CHECKING:
+    from seod.config.errors import KeyPath
+    from seod.config.model import RigConfig
+    from seod.diagnose.extend.model import Model
+    from seod.diagnose.extend.seen import Seen
+
+_TEMPLATE: Final = Path(__file__).parent / "rig_template.yaml"
+_RATES: Final = (100.0, 10_000.0)
+"""Of the loop [Hz]."""
+
+
+def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
+    """The rig file with the model in its simulated plant; comments and all else stay.
+
+    Args:
+        text: The rig file; it has a `simulation:` section.
+        config: What it says.
+        axis: Whose plant it is.
+        model: In the axis' units.
+
+    Raises:
+        ValueError: No simulated plant belongs to the axis, or it moves the other way.
+    """
+    view = AxisView(config, axis)
+    if not (view.per_volt > 0.0 and view.slope > 0.0 and model.K_L > 0.0):
+        raise ValueError(f"axis {axis}: its plant, its sensor or its output is turned round")
+    told = model.in_units_of(view.slope, view.per_volt).numbers()
+    for name in set(sensor_effects(view.plant)) - {"sensor_quantization"}:
+        told["effects"].pop(name, None)  # the plant's `sensor` has it
+    plants = config.simulation.plants if config.simulation else {}
+    plant = next(name for name, each in plants.items() if each is view.plant)
+    return edited(text, {("simulation", "plants", plant, key): each for key, each in told.items()})
+
+
+def new_rig_file(model: Model, found: Seen, speed: bool, source: str) -> str:
+    """A rig file of a virtual rig that is excited as the recording was.
+
+    Args:
+        model: The plant.
+        found: What the recording tells of its excitation.
+        speed: Whether y is a speed.
+        source: Name of the recording.
+
+    Raises:
+        ConfigErrors: Its numbers make no rig, such as a range that is empty.
+    """
+    bias = math.copysign(found.bias, found.bias * model.K_L)
+    plant = model.upright()
+    filled = _TEMPLATE.read_text("utf-8")
+    fields = _words(found, speed, source) | _ranges(plant, found, speed, bias)
+    for key, value in fields.items():
+        filled = filled.replace(f"<{key}>", value)
+    lines = [line for line in filled.splitlines(keepends=True) if not line.lstrip().startswith("~")]
+    places: dict[KeyPath, object] = {
+        ("simulation", "plants", "plant", key): each for key, each in plant.numbers().items()
+    }
+    text = edited("".join(lines), places)
+    load_text(text, f"the extended rig of {source}", Path())
+    return text
+
+
+def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, str]:
+    """The axis' numbers: limits of a rig that cannot be hurt, wide around what was seen and is expected."""
+    swing = 1.3 * found.e_a * plant.K_L / (2.0 * plant.zeta * plant.omega_n) + found.hysteresis
+    reach = 4.0 * max(swing, found.high - found.low)
+    fastest = 4.0 * max(abs(found.low), abs(found.high), plant.K_L * found.e_a)
+    reference = found.centre if speed else 0.0
+    held = abs(reference) / plant.K_L
+    rate = min(_RATES[1], max(_RATES[0], found.rate_hz))
+    numbers = {
+        "rate": rate,
+        "K_L": plant.K_L,
+        "e_a": found.e_a,
+        "hysteresis": found.hysteresis,
+        "bias": bias - reference / plant.K_L,
+        "output": 2.0 * max(found.most_volts, found.e_a + abs(bias)) + 2.0 * held,
+        "low": -fastest if speed else found.centre - 4.0 * reach,
+        "high": fastest if speed else found.centre + 4.0 * reach,
+        "amplitude": reach,
+        "speed": fastest if speed else 4.0 * plant.K_L * found.most_volts,
+        "movement": 0.01 * (fastest if speed else swing),
+        "reference": reference,
+        "position": found.centre,
+    }
+    return {key: f"{rounded(x)!r}" for key, x in numbers.items()}
+
+
+def _words(found: Seen, speed: bool, source: str) -> dict[str, str]:
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(source).name.split(".")[0]).strip("-_")
+    return {
+        "name": name[:40] or "recording",
+        "source": " ".join(source.split()),
+        "unit": _unit(found.unit, speed),
+        "mode": "velocity" if speed else "position",
+        "speed_only": "" if speed else "~",
+        "position_only": "~" if speed else "",
+    }
+
+
+def _unit(found: str, speed: bool) -> str:
+    """A unit that rig files know: where the recording tells none, metres stand for it."""
+    wanted = ("angular speed", "speed") if speed else ("angle", "length")
+    if UNITS.get(found, ("",))[0] in wanted:
+        return found
+    return "m/s" if speed else "m"

@@ -1,0 +1,103 @@
+"""Intervals of fitted parameters, and whether an effect gains anything at all."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.stats import ttest_1samp
+
+from seod.diagnose.answer import Parameter
+from seod.diagnose.model import BASE, grouped
+from seod.diagnose.simulate import simulate
+from seod.identify.spread import correlation_time
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from seod.diagnose.answer import Array
+    from seod.diagnose.fit import Fitted
+    from seod.diagnose.score import HeldOut
+    from seod.diagnose.windows import Cut
+
+WIDE: Final = 1.96
+BLOCKS: Final = 24
+"""Pieces of the held-out windows that are compared, at least."""
+_STEP: Final = 1e-4
+
+
+def covariance(found: Fitted, cut: Cut) -> Array:
+    """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise."""
+    size = np.sqrt(np.maximum(found.curvature.diagonal(), 1e-300))
+    scaled = found.curvature / np.outer(size, size)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
+    simulated = simulate(found.model.record(found.x), cut, found.start)
+    residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
+    whitened = np.concatenate(
+        [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, found.error, strict=True)]
+    )
+    return np.asarray(inverse * max(1.0, correlation_time(whitened)))
+
+
+def base_sd(found: Fitted, spread: Array) -> dict[str, float]:
+    """Standard deviations of K_L, omega_n and zeta, whose logarithms are searched."""
+    values = found.model.values(found.x)
+    return {name: abs(values[name]) * math.sqrt(spread[k, k]) for k, name in enumerate(BASE)}
+
+
+def effect_parameters(found: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
+    """Values of an effect's parameters with their 95 % intervals."""
+    model, x = found.model, found.x
+    values, out = grouped(model.values(x))[name], {}
+    for each in EFFECTS[name].parameters:
+        if each.name not in values:
+            continue
+        place = f"{name}.{each.name}"
+        value = values[each.name]
+        slope = _slope(found, name, each.name)
+        sd = math.sqrt(max(float(slope @ spread @ slope), 0.0))
+        logarithm = any(c.place == place and c.logarithm for c in model.coordinates)
+        ends = _ends(value, sd, logarithm)
+        out[each.name] = Parameter(value, each.unit, (max(ends[0], each.low), min(ends[1], each.high)))
+    return out
+
+
+def _slope(found: Fitted, name: str, of: str) -> Array:
+    """Of a parameter by the searched numbers."""
+    slope = np.zeros(len(found.x))
+    for k in range(len(slope)):
+        values = []
+        for sign in (1.0, -1.0):
+            x = found.x.copy()
+            x[k] += sign * _STEP
+            values.append(grouped(found.model.values(x))[name][of])
+        change = values[0] - values[1]
+        if of == "phase":
+            change = math.remainder(change, 2.0 * math.pi)
+        slope[k] = change / (2.0 * _STEP)
+    return slope
+
+
+def _ends(value: float, sd: float, logarithm: bool) -> tuple[float, float]:
+    if logarithm and value != 0.0:
+        factor = math.exp(min(WIDE * sd / abs(value), 50.0))
+        return min(value / factor, value * factor), max(value / factor, value * factor)
+    return value - WIDE * sd, value + WIDE * sd
+
+
+def p_value(without: HeldOut, with_it: HeldOut) -> float:
+    """Of no gain: a one-sided t-test of the log errors of pieces of the same windows, with and without."""
+    pieces = max(1, math.ceil(BLOCKS / len(without.cut.windows)))
+    difference = _block_logs(without, pieces) - _block_logs(with_it, pieces)
+    if len(difference) < 3 or not np.ptp(difference) > 0.0:
+        return 1.0
+    return float(ttest_1samp(difference, 0.0, alternative="greater").pvalue)
+
+
+def _block_logs(held: HeldOut, pieces: int) -> Array:
+    square = np.where(held.scored, held.cut.gathered("y") - held.simulated, 0.0) ** 2
+    out = []
+    for p in held.cut.slices:
+        rows = np.array_split(np.flatnonzero(held.scored[p]), pieces)
+        out += [float(np.mean(square[p][each])) for each in rows if len(each)]
+    return np.log(np.array(out) + 1e-300)

@@ -1,0 +1,68 @@
+"""What the extended model leaves above the noise, and what that depends on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.answer import Unexplained
+from seod.identify.spread import correlation_time
+
+if TYPE_CHECKING:
+    from seod.diagnose.answer import Array
+    from seod.diagnose.score import HeldOut
+
+ADEQUATE: Final = 1.15
+"""Held-out squared error over the noise's, up to which nothing is left: the noise is known to some
+percent, and initial states fitted to a fifth of a window add theirs."""
+SHARE: Final = 0.08
+"""Of the rest that a smooth function has to tell, to be named."""
+_BINS: Final = 16
+
+
+def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
+    """The share of the baseline's squared error above the noise that remains."""
+    if extended.adequacy < ADEQUATE:
+        return Unexplained(0.0)
+    before, after = _above_noise(baseline), _above_noise(extended)
+    fraction = min(1.0, after / before) if before > 0.0 else 1.0
+    shares = dict(sorted(_shares(extended).items(), key=lambda one: -one[1]))
+    named = tuple(name for name, share in shares.items() if share > SHARE)
+    return Unexplained(fraction, named, shares)
+
+
+def _above_noise(held: HeldOut) -> float:
+    count = np.array([held.scored[p].sum() for p in held.cut.slices])
+    return float(count @ (held.square - held.cut.noise**2))
+
+
+def _shares(held: HeldOut) -> dict[str, float]:
+    """Share of the residual that a function of each signal alone tells, by means over its quantiles."""
+    rows = held.scored
+    residual = (held.cut.gathered("y") - held.simulated)[rows]
+    signals = {
+        "input": held.cut.gathered("u"),
+        "pressure": held.states[:, 0],
+        "velocity": held.states[:, 1],
+        "position": held.states[:, 2],
+        "time": held.cut.gathered("t"),
+    }
+    if all(len(one.supply) for one in held.cut.series):
+        signals["supply_pressure"] = held.cut.gathered("supply")
+    independent = max(len(residual) / max(correlation_time(residual), 1.0), _BINS + 2.0)
+    return {name: _share(residual, signal[rows], independent) for name, signal in signals.items()}
+
+
+def _share(residual: Array, signal: Array, independent: float) -> float:
+    """Between-bin part of the variance, less what as many means of noise would tell."""
+    edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
+    index = np.searchsorted(edges, signal)
+    count = np.bincount(index)
+    total = np.bincount(index, weights=residual)
+    used = count > 0
+    between = float(np.sum(total[used] ** 2 / count[used])) - residual.sum() ** 2 / len(residual)
+    variance = float(np.sum((residual - residual.mean()) ** 2))
+    share = between / variance if variance > 0.0 else 0.0
+    by_chance = (int(used.sum()) - 1) / independent
+    return max(0.0, (share - by_chance) / max(1.0 - by_chance, 1e-9))

@@ -1,0 +1,76 @@
+"""The effects of a found set, each with what it is good for and what could stand in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.answer import FoundEffect, Gain
+from seod.diagnose.coordinates import searched_causes
+from seod.diagnose.fit import fit
+from seod.diagnose.intervals import covariance, effect_parameters, p_value
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from seod.diagnose.fit import Fitted
+    from seod.diagnose.score import HeldOut
+    from seod.diagnose.screen import Screen
+    from seod.diagnose.select import Judged
+    from seod.diagnose.windows import Cut
+
+AS_WELL: Final = 0.004
+"""Mean log squared error up to which a cause in another's place explains the recordings as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """A set of effects fitted to all windows, with what came of leaving each out.
+
+    Attributes:
+        found: The set.
+        without: Of each effect the set without it, fitted anew.
+        cut: The windows it was fitted to.
+        held: Its simulation of the windows held out.
+    """
+
+    found: Fitted
+    without: Mapping[str, Judged]
+    cut: Cut
+    held: HeldOut
+
+
+def found_effects(
+    chosen: Chosen, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+) -> list[FoundEffect]:
+    """In order of gain."""
+    out = []
+    spread = covariance(chosen.found, chosen.cut)
+    for name, rest in chosen.without.items():
+        out.append(
+            FoundEffect(
+                name=name,
+                parameters=effect_parameters(chosen.found, name, spread),
+                gain=Gain(rest.held.nrmse, chosen.held.nrmse),
+                p_value=p_value(rest.held, chosen.held),
+                indistinguishable_from=tuple(_in_place_of(name, chosen.found, rest.found, screen, tried)),
+            )
+        )
+    return sorted(out, key=lambda each: -each.gain.nrmse_without)
+
+
+def _in_place_of(
+    name: str, found: Fitted, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+) -> list[str]:
+    """Causes that explain as well what `name` does, the others of the set fitted anew."""
+    others = frozenset(rest.model.names)
+    siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
+    siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
+    if not siblings:
+        start = screen.start(rest.model, rest.x)
+        again = fit(rest.model, screen.cut, rest.x, start, 2)
+        causes = [c for c in searched_causes(rest.model.scales) if c not in found.model.names]
+        siblings = screen.extended(again, causes)
+    own = fit(found.model, screen.cut, found.x, screen.start(found.model, found.x), 6)
+    good = sorted((one for one in siblings if one.cost < own.cost + AS_WELL), key=lambda one: one.cost)
+    return [next(iter(set(one.model.names) - others)) for one in good]

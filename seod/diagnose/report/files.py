@@ -1,0 +1,85 @@
+"""Writes what `--out DIR` asks for: report.html, diagnosis.json and the extended rig."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from seod.config.errors import ConfigErrors
+from seod.config.load import load_text
+from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
+from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.rig_file import into_config, new_rig_file
+from seod.diagnose.extend.seen import seen
+from seod.diagnose.report.page import page
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from seod.config.model import RigConfig
+    from seod.data import Recording
+    from seod.diagnose.answer import Diagnosis
+
+REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml", "extended-can.yaml"
+"""Names of the files."""
+
+
+def write(
+    out: Path, d: Diagnosis, recordings: Sequence[Recording], rig: tuple[Path, RigConfig, str] | None
+) -> list[str]:
+    """Write all three; returns what could not be written, in sentences.
+
+    Args:
+        out: Folder; made where it is not there.
+        d: The diagnosis.
+        recordings: What it is of.
+        rig: Rig file, what it says and the axis, if there is one.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    sources = [path.name for recording in recordings for path in recording.paths]
+    (out / REPORT).write_text(page(d, unit_of(recordings[0], d), sources), "utf-8")
+    (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
+    try:
+        write_rig(out, d, recordings[0], rig)
+    except (ValueError, ConfigErrors) as error:
+        return [f"no extended rig file: {error}"]
+    return []
+
+
+def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> None:
+    """Write the extended rig: the user's own file with the model in it, or a new one, virtual and on CAN.
+
+    Raises:
+        ValueError, ConfigErrors: The model makes no rig.
+        OSError: A file cannot be written.
+    """
+    text = extended_rig(d, recording, rig)
+    (out / RIG).write_text(text, "utf-8")
+    if rig is None or rig[1].simulation is None:
+        config = load_text(text, RIG, out)
+        (out / DBC).write_text(dbc(config), "utf-8")
+        (out / CAN_RIG).write_text(checked(on_can(text, config.loop.rate_hz), out), "utf-8")
+
+
+def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> str:
+    """The extended model as a rig file: the user's own if it has a simulated plant, else a new one.
+
+    Raises:
+        ValueError, ConfigErrors: The model fits in neither.
+    """
+    e = d.extended
+    model = Model(e.K_L, e.omega_n, e.zeta, e.effects, d.noise_sd[0] if d.noise_sd else 0.0)
+    if rig is not None and rig[1].simulation is not None:
+        path, config, axis = rig
+        return into_config(path.read_text("utf-8-sig"), config, axis, model)
+    speed = d.output == "velocity"
+    return new_rig_file(model, seen(recording, speed), speed, recording.paths[0].name)
+
+
+def unit_of(recording: Recording, d: Diagnosis) -> str:
+    """Of y; `unit` where the file tells none."""
+    return recording.units.get("y", "") or ("unit/s" if d.output == "velocity" else "unit")

@@ -1,0 +1,70 @@
+"""One self-contained HTML page: what is wrong, how much, why it is believed."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.report import checks
+from seod.diagnose.report.pictures import Pictures
+from seod.diagnose.report.tables import effects, figures, ranking
+from seod.diagnose.report.words import consequences, headline
+from seod.diagnose.show.bootstrap import interval
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from seod.diagnose.answer import Diagnosis
+
+_HERE: Final = Path(__file__).parent
+
+
+def page(d: Diagnosis, unit: str, sources: Sequence[str]) -> str:
+    """The report.
+
+    Args:
+        d: What is told; it has windows.
+        unit: Of y.
+        sources: Names of the recordings.
+    """
+    body = "".join(_sections(d, unit, sources))
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        f"<title>Diagnosis of {escape(', '.join(sources))}</title><style>{_text('style.css')}</style>"
+        f"</head><body>{body}</body></html>\n"
+    )
+
+
+def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
+    pictures = Pictures(d, unit)
+    yield f"<h1>What the simulation gets wrong</h1><div class='sub'>{escape(', '.join(sources))}</div>"
+    yield f'<div class="verdict {d.verdict}">{escape(headline(d))}</div>'
+    yield f"<ul>{''.join(f'<li>{escape(each)}</li>' for each in consequences(d))}</ul>"
+    if d.next_experiment is not None and d.next_experiment.command:
+        yield f"<pre>{escape(d.next_experiment.command)}</pre>"
+    yield figures(d, unit, _intervals(pictures))
+    if d.effects:
+        yield f"<h2>Causes, each with all the others in the model</h2>{effects(d, unit)}"
+    yield f"<h2>Before and after</h2>{pictures.overlay()}{pictures.errors()}"
+    yield f"<h2>Where it fails</h2>{_pair([*pictures.maps(), *pictures.planes()])}"
+    left = [checks.whiteness(pictures), checks.input_left(pictures), checks.spectra(pictures)]
+    left += [pictures.over_time(), *filter(None, [checks.distortion(pictures), checks.over_phase(pictures)])]
+    yield f"<h2>What is left, and whether it is noise</h2>{_pair(left)}"
+    if d.candidates:
+        yield f"<h2>All causes that were tried</h2>{ranking(d)}"
+    yield f"<h2>How to read this page</h2><p class='sub'>{_text('how_to_read.txt')}</p>"
+
+
+def _intervals(pictures: Pictures) -> tuple[tuple[float, float], tuple[float, float]]:
+    windows = pictures.windows
+    before, after = ([each.error for each in left] for left in (pictures.before, pictures.after))
+    return interval(windows, before), interval(windows, after)
+
+
+def _pair(pictures: Iterable[str]) -> str:
+    return f'<div class="pair">{"".join(pictures)}</div>'
+
+
+def _text(name: str) -> str:
+    return (_HERE / name).read_text("utf-8")

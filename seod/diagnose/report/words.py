@@ -1,0 +1,99 @@
+"""A diagnosis in sentences: the same for the terminal and for the page."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from seod.text import number, with_sd
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter
+
+_MUCH: Final = 0.1
+"""Relative change of zeta or omega_n that a sentence is spent on."""
+
+
+def headline(d: Diagnosis) -> str:
+    """The diagnosis in one sentence."""
+    names = ", ".join(effect.name for effect in d.effects)
+    if d.verdict == "clean":
+        return "Clean: the baseline explains the recording down to its noise."
+    if not d.effects:
+        return "Unexplained: the baseline misses something that none of the known causes explains."
+    before, after = percent(d.baseline.holdout_nrmse), percent(d.extended.holdout_nrmse)
+    numbers = f"held-out error {before} before, {after} after, noise {percent(d.noise_floor_nrmse)}"
+    rest = "" if d.verdict == "effects" else ", but that is not all"
+    return f"The baseline misses {names}{rest}: {numbers}."
+
+
+def consequences(d: Diagnosis) -> Iterator[str]:
+    """What the effects did to zeta and omega_n, what cannot be told apart, and what is left."""
+    if d.effects:
+        yield from _plant(d)
+    for effect in d.effects:
+        if effect.indistinguishable_from:
+            others = ", ".join(effect.indistinguishable_from)
+            yield f"{effect.name} cannot be told from {others} by this recording: each may be the cause."
+    if d.unexplained.fraction > 0.0:
+        yield _left(d)
+    if d.extended.diverged:
+        yield "In one simulation of the whole recording the position drifts away from it: nothing holds it."
+    if d.next_experiment is not None:
+        plan = d.next_experiment
+        separates = ", ".join(plan.separates)
+        yield f"Next experiment, to separate {separates}: {_closed(plan.input)} {_closed(plan.reason)}"
+    yield from d.remarks
+
+
+def _closed(sentence: str) -> str:
+    return sentence if not sentence or sentence.endswith(".") else f"{sentence}."
+
+
+def _plant(d: Diagnosis) -> Iterator[str]:
+    """Numbers of Eq. 1 that are wrong without the effects."""
+    for name, unit in (("zeta", ""), ("omega_n", " rad/s"), ("K_L", "")):
+        before, after = getattr(d.baseline, name), getattr(d.extended, name)
+        if abs(after - before) > _MUCH * abs(after):
+            way = "high" if before > after else "low"
+            wrong = f"{100.0 * abs(before / after - 1.0):.0f} % too {way}"
+            yield f"Without them {name} came out {wrong}: {number(before)} instead of {number(after)}{unit}."
+
+
+def _left(d: Diagnosis) -> str:
+    share = f"{100.0 * d.unexplained.fraction:.2g} % of the baseline's squared error above the noise"
+    on = d.unexplained.correlates_with
+    return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
+
+
+def what_it_is(effect: FoundEffect) -> str:
+    """Physics of an effect, from the table."""
+    return EFFECTS[effect.name].physics
+
+
+def interval(parameter: Parameter, unit: str) -> str:
+    """`812 ± 9 rad/s^2`, or the ends where they are not symmetric; `unit` stands for the plant's."""
+    value, (low, high) = parameter.value, parameter.ci95
+    named = in_unit(parameter.unit, unit)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return f"{number(value)} {named}".strip()
+    half = 0.5 * (high - low)
+    if half > 0.0 and abs(high + low - 2.0 * value) < 0.2 * half:
+        return f"{with_sd(value, half)} {named}".strip()
+    return f"{number(value)} [{number(low)}, {number(high)}] {named}".strip()
+
+
+def in_unit(text: str, unit: str) -> str:
+    """A unit of the table of effects, `unit` replaced by the plant's own."""
+    text = "" if text == "1" else text
+    return text.split(" (")[0].replace("unit", unit) if unit else text
+
+
+def percent(nrmse: float) -> str:
+    """An NRMSE for people."""
+    if not math.isfinite(nrmse):
+        return "-"
+    return f"{100.0 * nrmse:.3g} %"

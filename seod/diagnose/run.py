@@ -1,0 +1,77 @@
+"""`seod diagnose`: recordings in, a table or JSON out, and a folder with report and extended rig file."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from seod.config.units import UNITS
+from seod.data import read
+from seod.diagnose.command import Options, diagnose
+from seod.diagnose.progress import bar
+from seod.diagnose.report.files import REPORT, RIG, unit_of, write
+from seod.diagnose.report.text import as_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from seod.config.model import RigConfig
+    from seod.data import Recording
+    from seod.diagnose.answer import Output
+
+_SPEEDS: Final = ("angular speed", "speed")
+
+
+class Wishes(NamedTuple):
+    """Options of the command; `rig` is a rig file and what it says."""
+
+    holdout: Sequence[Path] = ()
+    rig: tuple[Path, RigConfig] | None = None
+    out: Path | None = None
+    axis: str | None = None
+    output: Output | None = None
+    columns: str = ""
+    units: str = ""
+    as_json: bool = False
+
+
+def run(paths: Sequence[Path], wishes: Wishes) -> str:
+    """The answer as it is printed; writes the folder if one is wished.
+
+    Raises:
+        ReadError: A file cannot be read.
+        DiagnoseError: A recording tells nothing.
+        OSError: The folder cannot be written.
+    """
+    recordings, holdout = (
+        [read(path, wishes.columns, wishes.units, wishes.axis) for path in some]
+        for some in (paths, wishes.holdout)
+    )
+    config = wishes.rig[1] if wishes.rig is not None else None
+    options = Options(wishes.output or output_of(recordings[0], config, wishes.axis), config, wishes.axis)
+    if wishes.out is not None:
+        wishes.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
+    with bar() as progress:
+        d = diagnose(recordings, holdout, options, progress)
+    told = [] if wishes.as_json else [as_text(d, unit_of(recordings[0], d))]
+    if wishes.out is not None:
+        rig = None
+        if wishes.rig is not None:
+            rig = (*wishes.rig, wishes.axis or next(iter(wishes.rig[1].axes)))
+        missing = write(wishes.out, d, [*recordings, *holdout], rig)
+        told += [f"! {each}" for each in missing] if not wishes.as_json else []
+        told += [] if missing or wishes.as_json else [_written(wishes.out)]
+    return json.dumps(d.as_json()) if wishes.as_json else "\n".join(told)
+
+
+def output_of(recording: Recording, config: RigConfig | None, axis: str | None) -> Output:
+    """What y is where nobody says it: by its unit, then by the rig file's axis; else a position."""
+    dimension = UNITS.get(recording.units.get("y", ""), ("", 0.0))[0]
+    if dimension and dimension != "number":
+        return "velocity" if dimension in _SPEEDS else "position"
+    return "position" if config is None else config.axes[axis or next(iter(config.axes))].mode
+
+
+def _written(out: Path) -> str:
+    return f"{out / REPORT}: the report; {out / RIG}: the extended rig, for `seod run` and `seod simulate`"

@@ -1,0 +1,179 @@
+"""How well a fitted model simulates what it was not fitted to, as the contract has it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.answer import Score, Whole, Window
+from seod.diagnose.begin import measured_places, simulated_states
+from seod.diagnose.fit import settle
+from seod.diagnose.model import BASE
+from seod.diagnose.simulate import inside, simulate
+from seod.diagnose.windows import START, Cut
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seod.diagnose.answer import Array, Effects, Mask
+    from seod.diagnose.model import Model
+
+DIVERGED: Final = 10.0
+"""Ranges of the recording beyond which a simulation has left it."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """A model's simulation of windows; arrays end to end, shape (n,), but as said.
+
+    Attributes:
+        cut: The windows.
+        simulated: As measured.
+        states: Pressure, velocity, position, shape (n, 3).
+        start: Initial states, shape (w, 6).
+        scored: Rows that count: samples after the window's first fifth.
+    """
+
+    cut: Cut
+    simulated: Array
+    states: Array
+    start: Array
+    scored: Mask
+
+    @property
+    def square(self) -> Array:
+        """Mean squared error of each window, shape (w,)."""
+        error = np.where(self.scored, self.cut.gathered("y") - self.simulated, 0.0)
+        error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
+        return np.array(
+            [float(error[p] @ error[p]) / max(int(self.scored[p].sum()), 1) for p in self.cut.slices]
+        )
+
+    @property
+    def adequacy(self) -> float:
+        """Mean squared error over the noise's: 1 where nothing but noise is left."""
+        count = np.array([self.scored[p].sum() for p in self.cut.slices])
+        return float(count @ (self.square / self.cut.noise**2) / count.sum())
+
+    @property
+    def log_error(self) -> float:
+        """Mean log error of the windows: half of a small relative change of the squared error."""
+        return float(np.mean(np.log(self.square + 1e-300)))
+
+    @property
+    def nrmse(self) -> float:
+        """As in the contract."""
+        y = self.cut.gathered("y")
+        return nrmse([(y[p], self.simulated[p], self.scored[p]) for p in self.cut.slices])
+
+    @property
+    def floor(self) -> float:
+        """NRMSE of a perfect model."""
+        y = self.cut.gathered("y")
+        noisy = sum(s**2 * self.scored[p].sum() for s, p in zip(self.cut.noise, self.cut.slices, strict=True))
+        return math.sqrt(noisy / max(_spread([(y[p], self.scored[p]) for p in self.cut.slices]), 1e-300))
+
+
+def nrmse(windows: list[tuple[Array, Array, Mask]]) -> float:
+    """sqrt(sum e^2 / sum (y - mean)^2) of (measured, simulated, which rows count), mean per window."""
+    error = sum(float(np.sum((y - s)[scored] ** 2)) for y, s, scored in windows)
+    spread = _spread([(y, scored) for y, _, scored in windows])
+    return math.sqrt(error / spread) if spread > 0.0 and math.isfinite(error) else math.inf
+
+
+def _spread(windows: list[tuple[Array, Mask]]) -> float:
+    return sum(float(np.sum((y[scored] - np.mean(y[scored])) ** 2)) for y, scored in windows if scored.any())
+
+
+def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> HeldOut:
+    """Simulate windows from initial states fitted to the first fifth of each.
+
+    Of several fits, from the simulation of the whole recording and from `near`, each window takes what fits
+    its first fifth best.
+    """
+    first = cut.started() & cut.good
+    record, best = model.record(x), None
+    for begin in (simulated_states(model, x, cut), near):
+        if begin is None:
+            continue
+        start = settle(model, cut, x, begin, first)
+        error = np.where(first, cut.gathered("y") - simulate(record, cut, start), 0.0)
+        square = np.array([float(error[p] @ error[p]) for p in cut.slices])
+        if best is None:
+            best, least = start, square
+        else:
+            better = square < least
+            best[better], least[better] = start[better], square[better]
+    assert best is not None  # noqa: S101 - the first of the two is always there
+    simulated, states = inside(record, cut, best)
+    return HeldOut(cut, simulated, states, best, cut.good & ~cut.started())
+
+
+def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:
+    """One simulation of a whole series, and which rows of it count: those after its first windows' fifth."""
+    one = cut.series[k]
+    every = Cut(cut.series, ((k, 0, len(one.t)),))
+    since = one.t - one.t[0]
+    first = one.good & (since < START * one.window_s)
+    start = settle(model, every, x, measured_places(every), first)
+    return simulate(model.record(x), every, start), one.good & ~first
+
+
+def wholes(model: Model, x: Array, cut: Cut) -> tuple[list[Array], float, bool]:
+    """Of each series the simulation; NRMSE of them all; whether one of them left its recording."""
+    simulated, scored, diverged = [], [], False
+    for k, one in enumerate(cut.series):
+        y, counts = whole(model, x, cut, k)
+        off = np.abs(y - one.y)[counts]
+        diverged |= not bool(np.all(off < DIVERGED * np.ptp(one.y[one.good])))
+        simulated.append(y)
+        scored.append((one.y, y, counts))
+    return simulated, nrmse(scored), diverged
+
+
+def score(
+    model: Model, x: Array, held: HeldOut, whole_nrmse: float, diverged: bool, sd: Mapping[str, float]
+) -> Score:
+    """The contract's figures of a model."""
+    values = model.values(x)
+    K_L, omega_n, zeta = (values[name] for name in BASE)
+    effects: Effects = model.effects(x)
+    return Score(K_L, omega_n, zeta, held.nrmse, whole_nrmse, diverged, effects, dict(sd))
+
+
+def windows(baseline: HeldOut, extended: HeldOut, *, aside: bool) -> list[Window]:
+    """Both simulations of the same windows."""
+    out = []
+    y = np.where(baseline.cut.good, baseline.cut.gathered("y"), np.nan)
+    for (k, first, last), p in zip(baseline.cut.windows, baseline.cut.slices, strict=True):
+        one = baseline.cut.series[k]
+        pressure, velocity, position = extended.states[p].T
+        out.append(
+            Window(
+                file=k,
+                rows=(first, last),
+                t=one.t[first:last],
+                u=one.u[first:last],
+                y=y[p],
+                ps=one.supply[first:last] if len(one.supply) else None,
+                y_baseline=baseline.simulated[p],
+                y_extended=extended.simulated[p],
+                velocity=velocity,
+                position=position,
+                pressure=pressure,
+                scored=extended.scored[p],
+                held_out=aside,
+            )
+        )
+    return out
+
+
+def drawn(series: Cut, baseline: list[Array], extended: list[Array]) -> tuple[Whole, ...]:
+    """Whole recordings with both simulations."""
+    out = []
+    for one, base, more in zip(series.series, baseline, extended, strict=True):
+        out.append(Whole(one.t, np.where(one.good, one.y, np.nan), base, more))
+    return tuple(out)

@@ -1,0 +1,41 @@
+"""How sure an NRMSE is: by drawing blocks of the held-out windows again and again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.answer import Array, Window
+
+_DRAWS: Final = 2000
+_BLOCKS: Final = 20
+"""Blocks to draw from, at least; a window is divided where there are fewer windows."""
+
+
+def interval(windows: Sequence[Window], errors: Sequence[Array], seed: int = 1) -> tuple[float, float]:
+    """95 % interval of the NRMSE over the windows' scored samples, by a block bootstrap (Kuensch 1989).
+
+    Args:
+        windows: Held-out windows.
+        errors: Measured less simulated in each.
+        seed: Of the draws.
+    """
+    sums = np.concatenate(
+        [_blocks(w, e, -(-_BLOCKS // len(windows))) for w, e in zip(windows, errors, strict=True)]
+    )
+    draws = np.random.default_rng(seed).integers(0, len(sums), (_DRAWS, len(sums)))
+    drawn = sums[draws].sum(axis=1)
+    low, high = np.quantile(np.sqrt(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300)), [0.025, 0.975]).tolist()
+    return low, high
+
+
+def _blocks(window: Window, error: Array, parts: int) -> Array:
+    """Sums of squares of the error and of the measurement about its mean, shape (parts, 2)."""
+    kept = window.scored & np.isfinite(error)
+    own = window.y[kept] - np.mean(window.y[kept])
+    pieces = zip(np.array_split(error[kept], parts), np.array_split(own, parts), strict=True)
+    return np.array([(float(e @ e), float(y @ y)) for e, y in pieces])

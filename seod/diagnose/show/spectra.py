@@ -1,0 +1,78 @@
+"""Residuals over frequency, their whiteness, and what they still know of the input."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from scipy.signal import welch
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.answer import Array
+
+_SEGMENT: Final = 2048
+"""Longest piece of a spectrum [samples]."""
+_BEYOND: Final = 1.96
+"""Standard deviations of the bounds: 95 % of all lags lie within where nothing is left."""
+
+
+def spectrum(pieces: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
+    """Power spectral density of pieces of one signal, their mean: frequencies [Hz], density [unit^2/Hz].
+
+    Zero frequency is left out.
+    """
+    length = min(_SEGMENT, *(len(piece) for piece in pieces))
+    found = [welch(_present(piece), rate_hz, nperseg=length, detrend="constant") for piece in pieces]
+    density = np.average([each for _, each in found], axis=0, weights=[len(piece) for piece in pieces])
+    return np.asarray(found[0][0][1:]), np.asarray(density[1:])
+
+
+class Correlation(NamedTuple):
+    """Coefficients over lags [samples], and the bound within which 95 % lie where nothing is left."""
+
+    lag: Array
+    value: Array
+    bound: float
+
+    @property
+    def outside(self) -> float:
+        """Part of the lags beyond the bound, the lag 0 of an autocorrelation left out."""
+        kept = np.abs(self.value) < 1.0 - 1e-9
+        return float(np.mean(np.abs(self.value[kept]) > self.bound)) if kept.any() else 0.0
+
+
+def autocorrelation(pieces: Sequence[Array], lags: int) -> Correlation:
+    """Of pieces of a residual, up to so many samples."""
+    value = _correlation([(piece, piece) for piece in pieces], lags)[lags:]
+    count = sum(len(piece) for piece in pieces)
+    return Correlation(np.arange(lags + 1.0), value, _BEYOND / math.sqrt(count))
+
+
+def cross_correlation(inputs: Sequence[Array], residuals: Sequence[Array], lags: int) -> Correlation:
+    """Of input and residual, positive lags: the residual follows; the bound is Bartlett's."""
+    value = _correlation(list(zip(inputs, residuals, strict=True)), lags)
+    own = (_correlation([(piece, piece) for piece in pieces], lags) for pieces in (inputs, residuals))
+    a, b = own
+    count = sum(len(piece) for piece in residuals)
+    bound = _BEYOND * math.sqrt(max(1.0, float(np.sum(a * b))) / count)
+    return Correlation(np.arange(-lags, lags + 1.0), value, bound)
+
+
+def _correlation(pairs: Sequence[tuple[Array, Array]], lags: int) -> Array:
+    """Coefficients of the pairs' second on the first from -lags to lags, shape (2 lags + 1,)."""
+    total, powers = np.zeros(2 * lags + 1), np.zeros(2)
+    for first, second in pairs:
+        x, y = (_present(each) - np.mean(_present(each)) for each in (first, second))
+        size = 2 * len(x)
+        product = np.fft.irfft(np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size), size)
+        total += np.r_[product[size - lags :], product[: lags + 1]]
+        powers += float(x @ x), float(y @ y)
+    return np.asarray(total / max(math.sqrt(powers[0] * powers[1]), 1e-300))
+
+
+def _present(x: Array) -> Array:
+    """Missing samples as nothing left."""
+    return np.where(np.isfinite(x), x, 0.0)

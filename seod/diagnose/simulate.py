@@ -1,0 +1,51 @@
+"""Simulations of windows, and of what a window's initial state does to them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.state import new_state
+from sim.windows import START, follow_windows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from seod.diagnose.answer import Array
+    from seod.diagnose.windows import Cut
+
+STATES = len(START)
+_NOTHING = np.empty((0, 3))
+
+
+def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
+    """What is measured, windows end to end, from initial states of shape (w, 6)."""
+    return _run(record, cut, start, states=False)[0]
+
+
+def inside(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Array]:
+    """Likewise, and pressure, velocity, position, shape (n, 3)."""
+    return _run(record, cut, start, states=True)
+
+
+def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> tuple[Array, Array]:
+    seen, within = [], []
+    for k, one in enumerate(cut.series):
+        own = [w for w, (of, _, _) in enumerate(cut.windows) if of == k]
+        if not own:
+            continue
+        first = np.array([cut.windows[w][1] for w in own], np.int64)
+        last = np.array([cut.windows[w][2] for w in own], np.int64)
+        begin = float(min(one.t[0], one.t_u[0]))
+        valve, load = new_state(record, begin), new_state(record, begin)
+        load["origin"] = one.t[0]
+        y = np.empty(len(one.t))
+        z = np.empty((len(one.t), 3)) if states else _NOTHING
+        surroundings = one.supply, one.warmth
+        follow_windows(
+            record[0], valve[0], load[0], one.t_u, one.u, one.t, *surroundings, first, last, start[own], y, z
+        )
+        seen += [y[a:b] for a, b in zip(first, last, strict=True)]
+        within += [z[a:b] for a, b in zip(first, last, strict=True)]
+    return np.concatenate(seen), np.concatenate(within)

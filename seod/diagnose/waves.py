@@ -1,0 +1,89 @@
+"""Where the search for a wave begins: the lines that a residual has over time, or over the position."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.coordinates import WAVES
+
+if TYPE_CHECKING:
+    from seod.diagnose.answer import Array
+    from seod.diagnose.coordinates import Values
+    from seod.diagnose.windows import Cut
+
+LINES: Final = 3
+"""Of a spectrum, the largest, are tried."""
+_BINS: Final = 2048
+_FINER: Final = 4
+"""Zero padding: points of the spectrum over those of an unpadded one."""
+
+
+def lines(name: str, cut: Cut, residual: Array, position: Array, speed: Array | None) -> list[float]:
+    """Frequencies [rad/s], or wavenumbers [rad/unit], at which a residual of windows has its largest lines.
+
+    Args:
+        name: The wave's effect.
+        cut: The windows.
+        residual: Measured minus simulated, 0 where nothing was, shape (n,).
+        position: Of the load, shape (n,).
+        speed: Of the load, where the sensor sees it: a ripple then shows in proportion to it.
+    """
+    if name == "periodic_disturbance":
+        return _over_time(cut, residual)
+    error = residual if speed is None else residual * np.sign(speed)
+    return _over(position, error)
+
+
+def _over_time(cut: Cut, residual: Array) -> list[float]:
+    tick = min(one.tick for one in cut.series)
+    k = max({of for of, _, _ in cut.windows}, key=lambda of: len(cut.series[of].t))
+    one = cut.series[k]
+    grid = np.zeros(round(float(one.t[-1] - one.t[0]) / tick) + 2)
+    for (of, first, last), piece in zip(cut.windows, cut.slices, strict=True):
+        if of == k:
+            rows = np.round((one.t[first:last] - one.t[0]) / tick).astype(int)
+            grid[rows] = residual[piece] - np.mean(residual[piece])
+    return _peaks(grid, tick, lowest=4)
+
+
+def _over(position: Array, residual: Array) -> list[float]:
+    span = max(float(np.ptp(position)), 1e-12)
+    index = np.minimum(((position - position.min()) / span * _BINS).astype(int), _BINS - 1)
+    count = np.bincount(index, minlength=_BINS)
+    total = np.bincount(index, weights=residual, minlength=_BINS)
+    mean = np.where(count > 0, total / np.maximum(count, 1), 0.0)
+    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=1)
+
+
+def _peaks(signal: Array, step: float, lowest: int) -> list[float]:
+    """The largest lines, apart from each other by more than their width [rad per unit of `step`]."""
+    size = _FINER * len(signal)
+    power = np.abs(np.fft.rfft(signal, size)) ** 2
+    power[:lowest] = 0.0
+    found: list[float] = []
+    for _ in range(LINES):
+        peak = int(np.argmax(power))
+        if power[peak] <= 0.0:
+            break
+        found.append(2.0 * math.pi * _summit(power, peak) / (size * step))
+        power[max(0, peak - 3 * _FINER) : peak + 3 * _FINER] = 0.0
+    return found
+
+
+def _summit(power: Array, peak: int) -> float:
+    """Place of the parabola's summit through three points."""
+    if not 0 < peak < len(power) - 1:
+        return float(peak)
+    left, middle, right = (float(x) for x in np.sqrt(power[peak - 1 : peak + 2]))
+    bend = left - 2.0 * middle + right
+    return peak + (0.5 * (left - right) / bend if bend < 0.0 else 0.0)
+
+
+def starts(name: str, numbers: list[float], size: float) -> tuple[Values, ...]:
+    """Where to begin at these frequencies: with a small wave, whose parts a first step finds."""
+    return tuple(
+        {f"{name}.cosine": size, f"{name}.sine": size, f"{name}.{WAVES[name]}": number} for number in numbers
+    )

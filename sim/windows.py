@@ -1,0 +1,114 @@
+"""Simulation of windows of a recording: the valve from the recording's start, the load anew in each window.
+
+What the command does before it acts on the load (delay, saturation, hysteresis, the spool's lag) depends on
+the command alone, which is known from the start. Where the load was when a window began is not: it is given.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.compiled import Record, compiled, inlined
+from sim.kernel import advance, command, measured
+from sim.physics import dry_friction, rippled, spool_at
+from sim.runs import condition
+
+Array = np.ndarray
+
+START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged")
+"""Columns of a window's initial state: as in `sim.state`, but the second inertia's relative to the first, and
+what is behind the sensor's lag relative to where it would be had the speed been steady."""
+
+
+@compiled
+def follow_windows(
+    p: Record,
+    v: Record,
+    s: Record,
+    t_u: Array,
+    u: Array,
+    t: Array,
+    supply: Array,
+    warmth: Array,
+    first: Array,
+    last: Array,
+    start: Array,
+    y: Array,
+    inside: Array,
+) -> None:
+    """What is measured in each window under the commands `u` [V] that left at `t_u` [s].
+
+    Args:
+        p: Plant.
+        v: A state at rest at or before the first time: the valve's.
+        s: A state at rest: the load's; both are used up.
+        t_u: Ascending [s], shape (m,).
+        u: [V], shape (m,).
+        t: Times of samples [s], ascending, shape (n,).
+        supply: Supply pressure over nominal, shape (n,) or (0,).
+        warmth: Temperature above nominal [K], shape (n,) or (0,).
+        first: First row of each window, ascending, shape (w,).
+        last: Row after its last, at most the next window's first.
+        start: Initial states, `START`, shape (w, 6).
+        y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
+        inside: Pressure, velocity and position likewise, shape (n, 3), or (0, 3).
+    """
+    reached = 0
+    for w in range(len(first)):
+        reached = _valve(p, v, t_u, u, reached, t[first[w]])
+        _begin(p, v, s, start[w])
+        given = reached
+        for k in range(first[w], last[w]):
+            condition(s, supply, warmth, k)
+            given = _load(p, s, t_u, u, given, t[k])
+            y[k] = measured(p, s)
+            if len(inside):
+                inside[k, 0], inside[k, 1], inside[k, 2] = s.pressure, s.velocity, s.position
+
+
+@compiled
+def _valve(p: Record, v: Record, t_u: Array, u: Array, reached: int, t: float) -> int:
+    """Have the commands that reach the valve by `t` act on it; returns how many have by then."""
+    while reached < len(u) and t_u[reached] + p.transport_delay_time <= t:
+        _spool(p, v, t_u[reached] + p.transport_delay_time)
+        command(p, v, u[reached])
+        reached += 1
+    _spool(p, v, t)
+    return reached
+
+
+@compiled
+def _spool(p: Record, v: Record, t: float) -> None:
+    if t > v.t:
+        v.spool = spool_at(p, v, t - v.t)
+        v.t = t
+
+
+@compiled
+def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
+    """A window's first state."""
+    s.t, s.target, s.spool = v.t, v.target, v.spool
+    s.pressure, s.velocity, s.position = start[0], start[1], start[2]
+    s.velocity2, s.position2 = s.velocity + start[3], s.position + start[4]
+    s.motion = -1.0 if s.velocity < 0.0 else 1.0
+    if s.velocity == 0.0 and dry_friction(p):
+        s.motion = 0.0
+    s.stopped = s.bristle = 0.0
+    s.followed = s.position - math.copysign(0.5 * p.backlash_gap, s.velocity)
+    steady = s.velocity - p.sensor_lag_time * s.pressure
+    if not p.measures_speed:
+        steady = rippled(p, s.followed) - p.sensor_lag_time * s.velocity
+    s.lagged = steady + start[5]
+
+
+@inlined
+def _load(p: Record, s: Record, t_u: Array, u: Array, given: int, t: float) -> int:
+    """Bring the plant to `t` [s] under the commands that reach it by then; returns how many have."""
+    while given < len(u) and t_u[given] + p.transport_delay_time <= t:
+        advance(p, s, max(s.t, t_u[given] + p.transport_delay_time))
+        command(p, s, u[given])
+        given += 1
+    advance(p, s, t)
+    return given

@@ -1,0 +1,6 @@
+"""The plant written apart is that of the unit tests."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))

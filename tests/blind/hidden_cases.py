@@ -1,0 +1,216 @@
+"""Records that hide one cause, two, none, or one that is on no list, made from a number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from hidden_baseline import best_baseline
+from hidden_drives import EXCITATIONS, make_drive
+from hidden_rig import Rig, simulate
+from hidden_strength import BRISTLES, DEFECTS, LISTED, UNLISTED, drawn, effects_of, sizes
+from scipy.signal import detrend, lfilter
+
+KINDS = ("one", "two", "clean", "unlisted")
+TRIES = 12
+LEAST = 3.0
+"""Times the noise that the best baseline leaves of an effect, at least."""
+ALIKE = (
+    {"valve_lag", "sensor_lag", "transport_delay"},
+    {"coulomb_friction", "stribeck_friction", BRISTLES},
+    {"load_bias", "asymmetric_gain"},
+)
+"""Not hidden together: two of one family."""
+
+
+MOST_JITTER = 0.35
+"""Ticks: more would exchange samples."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is hidden, and in what.
+
+    Attributes:
+        number: It is made from.
+        kind: `one`, `two`, `clean` or `unlisted`.
+        causes: Names, as a diagnosis should say them; of an unlisted one our own.
+        rig: With the effects.
+        visible: By cause: what the best baseline leaves of it alone, over the noise.
+        noise: Standard deviation [unit].
+    """
+
+    number: int
+    kind: str
+    causes: tuple[str, ...]
+    excitation: str
+    rig: Rig
+    tick: float
+    duration: float
+    volts: float
+    noise_part: float
+    latency: float
+    visible: dict[str, float] = field(default_factory=dict)
+    noise: float = 0.0
+    defects: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def t(self):
+        return np.arange(round(self.duration / self.tick)) * self.tick
+
+
+class Invisible(Exception):
+    """The cause cannot be made visible with this plant and excitation."""
+
+
+def draw(
+    number: int,
+    kind: str | None = None,
+    causes=None,
+    excitation=None,
+    sees_speed=None,
+    noise_part=0.01,
+    duration=None,
+):
+    """A case; what is not given is drawn. Combinations that cannot be seen are drawn anew."""
+    random = np.random.default_rng([number, 77])
+    kind = kind or str(random.choice(KINDS, p=[0.6, 0.2, 0.1, 0.1]))
+    for _ in range(TRIES):
+        chosen = tuple(causes) if causes is not None else _causes(kind, random)
+        case = _bare(number, kind, chosen, excitation, sees_speed, noise_part, random)
+        case = case if duration is None else replace(case, duration=duration)
+        try:
+            return _strong(case, random)
+        except Invisible:
+            continue
+    raise Invisible(f"case {number}: {kind} {causes} under {excitation} cannot be seen")
+
+
+def _causes(kind, random) -> tuple[str, ...]:
+    if kind == "clean":
+        return ()
+    if kind == "unlisted":
+        return (str(random.choice(UNLISTED)),)
+    if kind == "one":
+        return (str(random.choice([*LISTED, *DEFECTS, BRISTLES])),)
+    while True:
+        pair = {str(x) for x in random.choice(LISTED, 2, replace=False)}
+        if not any(pair <= family for family in ALIKE):
+            return tuple(sorted(pair))
+
+
+def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> Case:
+    omega_n = float(np.exp(random.uniform(np.log(40.0), np.log(250.0))))
+    rig = Rig(
+        float(random.uniform(5.0, 30.0)),
+        omega_n,
+        float(np.exp(random.uniform(np.log(0.12), np.log(1.0)))),
+        {},
+        bool(random.random() < 0.35) if sees_speed is None else sees_speed,
+        float(np.exp(random.uniform(-12.0, -9.0))),
+        float(np.exp(random.uniform(-6.0, 0.0))),
+    )
+    tick = 1e-3 if omega_n < 100.0 else 5e-4
+    if "timing_jitter" in causes:  # seen where the signal runs far within the jitter
+        tick = min(0.3 / omega_n, 4e-3)
+    duration = 20.0 if omega_n > 80.0 else 30.0
+    latency = float(random.choice([0.0, 0.0, 3e-4]))
+    kind_of_drive = excitation or str(random.choice(EXCITATIONS))
+    volts = float(np.exp(random.uniform(-1.0, 1.0)))
+    return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
+
+
+def _strong(case: Case, random) -> Case:
+    """The case with effects of a drawn visibility, 3.3 to 30 times the noise."""
+    base, u = run(case)
+    z = sizes(base, u, case.tick, sees_speed=case.rig.sees_speed)
+    effects, visible = {}, {}
+    for cause in case.causes:
+        wanted = math.exp(random.uniform(math.log(1.1 * LEAST), math.log(10.0 * LEAST)))
+        if cause in DEFECTS:
+            noise = case.noise_part * float(np.std(detrend(base)))
+            case = replace(case, defects=_defect(cause, wanted, noise, z, case.tick, random))
+            visible[cause] = wanted
+            continue
+        one, visible[cause] = _of_visibility(case, cause, wanted, z, drawn(cause, random))
+        effects.update(one)
+    rig = replace(case.rig, effects=effects)
+    whole = replace(case, rig=rig, visible=visible)
+    y, u = run(whole)
+    noise = case.noise_part * float(np.std(detrend(y)))
+    if effects and _left(whole, y, u) < LEAST * noise:
+        raise Invisible(str(case.causes))
+    seen, _ = run(whole, np.random.default_rng(case.number).normal(0.0, noise, len(whole.t)))
+    if noise > 2.0 * case.noise_part * float(np.std(detrend(seen))):  # a loop on noise that moves nothing
+        raise Invisible(str(case.causes))
+    return replace(whole, noise=noise)
+
+
+def _defect(cause, wanted, noise, z, tick, random) -> dict[str, float]:
+    if cause == "outliers":
+        return {"rate": float(random.uniform(0.002, 0.02)), "size": 4.0 * wanted * noise}
+    if cause == "missing_samples":
+        return {"part": float(random.uniform(0.002, 0.05)), "length": float(random.uniform(1.0, 10.0))}
+    jitter = wanted * noise / z.slope
+    if jitter > MOST_JITTER * tick:
+        raise Invisible(cause)
+    return {"jitter": jitter}
+
+
+def _of_visibility(case, cause, wanted, z, d):
+    """Effects and what the baseline leaves of them over the noise: nearest to `wanted` of eight tries."""
+    low, high, best = 1e-4, 1.0, None
+    for attempt in range(8):
+        s = math.sqrt(low * high) if attempt else 1.0
+        effects = effects_of(cause, s, d, z, case.rig.omega_n, case.duration)
+        trial = replace(case, causes=(cause,), rig=replace(case.rig, effects=effects))
+        y, u = run(trial)
+        found = _left(trial, y, u) / (case.noise_part * float(np.std(detrend(y))))
+        if not attempt and not found >= LEAST * 1.05:
+            raise Invisible(cause)
+        if found >= LEAST and (
+            best is None or abs(math.log(found / wanted)) < abs(math.log(best[1] / wanted))
+        ):
+            best = effects, found
+        low, high = (s, high) if found < wanted else (low, s)
+        if best and abs(math.log(best[1] / wanted)) < 0.15:
+            break
+    return best
+
+
+def _left(case: Case, y, u) -> float:
+    start = case.rig.K_L, case.rig.omega_n, case.rig.zeta
+    bias = "load_bias" not in case.causes
+    return best_baseline(y, u, case.tick, start, sees_speed=case.rig.sees_speed, bias=bias).rms
+
+
+def supply_of(case: Case):
+    """Relative supply pressure: moving where the stiffness depends on it."""
+    if "pressure_dependent_stiffness" not in case.causes:
+        return None
+    random = np.random.default_rng([case.number, 5])
+    swing = random.uniform(0.2, 0.4)
+    return 0.9 + swing * np.sin(2.0 * math.pi * random.uniform(1.0, 2.5) / case.duration * case.t)
+
+
+def run(case: Case, noise=None):
+    """Readings and commands, without noise unless it is given."""
+    t = case.t
+    drive = make_drive(case.excitation, case.rig, t, case.volts, np.random.default_rng([case.number, 1]))
+    seen_at = None
+    if "jitter" in case.defects:
+        random = np.random.default_rng([case.number, 2])
+        seen_at = np.maximum.accumulate(
+            np.maximum(t + random.normal(0.0, case.defects["jitter"], len(t)), 0.0)
+        )
+    gusts = _gusts(case) if "gusts" in case.rig.effects else None
+    return simulate(case.rig, t, drive, noise, supply_of(case), gusts, case.latency, seen_at)
+
+
+def _gusts(case: Case):
+    """A random torque of unit size that keeps its value for about 1 / omega_n."""
+    random = np.random.default_rng([case.number, 3])
+    keep = math.exp(-case.tick * case.rig.omega_n)
+    white = random.normal(0.0, math.sqrt(1.0 - keep * keep), round(case.duration / case.tick))
+    return lfilter([1.0], [1.0, -keep], white)

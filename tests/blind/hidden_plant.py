@@ -1,0 +1,229 @@
+"""A hydraulic actuator in physical units, for records that hide an effect: fast, and apart from `sim`.
+
+Pressure, flow and torque instead of the model's normalised quantities; a fixed small step of Heun's method
+instead of Runge-Kutta with located events; a plain square root; friction that sticks by Karnopp's rule, or
+LuGre bristles.
+Beyond the causes that a diagnosis knows it has some that none knows (`OFF_LIST`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hidden_relay import relay
+from numba import njit
+
+SPOOL, PRESSURE, SPEED, ANGLE, SPEED2, ANGLE2, BRISTLE, LAGGED = range(8)
+
+DEFAULTS = {
+    "displacement": 1e-5,  # [m^3/rad]
+    "inertia": 0.01,  # [kg m^2]
+    "compliance": 1e-13,  # of the oil in the chambers [m^3/Pa]
+    "leakage": 1e-12,  # [m^3/s/Pa]
+    "valve": 1e-4,  # flow for each volt at nominal supply [m^3/s/V]
+    "supply": math.inf,  # nominal pressure that the orifice sees [Pa]; infinite: flow does not depend on load
+    "delay": 0.0,
+    "limit": math.inf,
+    "play": 0.0,
+    "spool_lag": 0.0,
+    "null": 0.0,
+    "overlap": 0.0,
+    "unequal": 0.0,
+    "air": 0.0,
+    "weight": 0.0,  # constant torque [N m]
+    "spring": 0.0,  # [N m/rad]
+    "centre": 0.0,
+    "coulomb": 0.0,  # [N m]
+    "stribeck": 0.0,
+    "stribeck_speed": 1.0,
+    "bristle_stiffness": 0.0,  # [N m/rad]
+    "bristle_damping": 0.0,
+    "inertia2": 0.0,  # part of `inertia` behind the shaft [kg m^2]
+    "shaft": 0.0,  # [N m/rad]
+    "shaft_damping": 0.0,
+    "ripple": 0.0,  # [N m]
+    "ripple_omega": 1.0,
+    "ripple_phase": 0.0,
+    "gap": 0.0,
+    "eccentric": 0.0,
+    "eccentric_waves": 1.0,
+    "eccentric_phase": 0.0,
+    "sensor_lag": 0.0,
+    "count": 0.0,
+    "drift_gain": 0.0,
+    "drift_omega": 0.0,
+    "drift_zeta": 0.0,
+    # on no list of causes
+    "drag": 0.0,  # torque for the square of speed [N m s^2]
+    "hardening": 0.0,  # torque for the cube of angle [N m/rad^3]
+    "slew": math.inf,  # of the spool [V/s]
+    "progressive": 0.0,  # more gain the wider open [1/V]
+    "volume": 0.0,  # compliance changes with the angle [1/rad]
+    "curved": 0.0,  # sensor: + curved y^2 [1/unit]
+    "gusts": 0.0,  # [N m] a random torque of unit size is given to `run`
+    "sees_speed": 0.0,
+}
+OFF_LIST = ("drag", "hardening", "slew", "progressive", "volume", "curved", "gusts")
+
+PHYSICAL = np.dtype([(name, np.float64) for name in DEFAULTS])
+MODES = np.dtype([(n, np.float64) for n in ("t", "played", "behind", "touches", "slides", "stuck", "given")])
+
+GIVEN, RELAY, SERVO = range(3)
+QUICK = 1e-4  # [s] lag of a spool that is otherwise limited in its speed only
+
+
+@njit(cache=True, error_model="numpy")
+def clip(x, low, high):
+    return min(max(x, low), high)
+
+
+@njit(cache=True, error_model="numpy")
+def flow(p, spool, pressure, supply, gain):
+    e = spool - p.null
+    opened = e - clip(e, -p.overlap, p.overlap)
+    side = np.sign(opened)
+    opened *= (1.0 + side * p.unequal) * (1.0 + p.progressive * abs(opened))
+    if math.isinf(p.supply):
+        return p.valve * gain * opened
+    drop = supply - side * pressure / p.supply
+    return p.valve * gain * opened * np.sign(drop) * math.sqrt(abs(drop))
+
+
+@njit(cache=True, error_model="numpy")
+def load_torque(p, t, w, gust):
+    shaft = p.shaft * (w[ANGLE] - w[ANGLE2]) + p.shaft_damping * (w[SPEED] - w[SPEED2])
+    y = w[ANGLE]
+    torque = (
+        p.weight + p.spring * (y - p.centre) + p.hardening * y * y * y + p.drag * w[SPEED] * abs(w[SPEED])
+    )
+    return torque - p.ripple * math.sin(p.ripple_omega * t + p.ripple_phase) - p.gusts * gust + shaft
+
+
+@njit(cache=True, error_model="numpy")
+def level(p, speed):
+    return p.coulomb + p.stribeck * math.exp(-((speed / p.stribeck_speed) ** 2))
+
+
+@njit(cache=True, error_model="numpy")
+def encoder(p, y):
+    return y + p.eccentric * math.sin(p.eccentric_waves * y + p.eccentric_phase) + p.curved * y * y
+
+
+@njit(cache=True, error_model="numpy")
+def seen(p, m, w):
+    y = clip(m.behind, w[ANGLE] - p.gap / 2.0, w[ANGLE] + p.gap / 2.0)
+    if p.sees_speed == 0.0:
+        return encoder(p, y)
+    wave = p.eccentric_waves * y + p.eccentric_phase
+    slope = 1.0 + p.eccentric * p.eccentric_waves * math.cos(wave) + 2.0 * p.curved * y
+    return w[SPEED] * slope if m.touches or p.gap == 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def oil_slope(p, t, w, supply):
+    omega, zeta = 1.0 + p.drift_omega * t, 1.0 + p.drift_zeta * t
+    q = flow(p, w[SPOOL], w[PRESSURE], supply, 1.0 + p.drift_gain * t)
+    compliance = p.compliance / omega**2 * (1.0 + p.air / supply**2) / (1.0 + p.air)
+    compliance *= math.exp(p.volume * w[ANGLE])
+    leak = p.leakage * zeta / omega * w[PRESSURE]
+    return (q - p.displacement * w[SPEED] - leak) / compliance
+
+
+@njit(cache=True, error_model="numpy")
+def friction(p, m, w, d):
+    if p.bristle_stiffness == 0.0:
+        return m.slides * level(p, w[SPEED])
+    d[BRISTLE] = w[SPEED] - p.bristle_stiffness * abs(w[SPEED]) / level(p, w[SPEED]) * w[BRISTLE]
+    return p.bristle_stiffness * w[BRISTLE] + p.bristle_damping * d[BRISTLE]
+
+
+@njit(cache=True, error_model="numpy")
+def slope(p, m, t, w, supply, gust, d):
+    d[:] = 0.0
+    if p.spool_lag > 0.0:
+        d[SPOOL] = clip((m.played - w[SPOOL]) / p.spool_lag, -p.slew, p.slew)
+    d[PRESSURE] = oil_slope(p, t, w, supply)
+    if m.stuck == 0.0:
+        torque = p.displacement * w[PRESSURE] - load_torque(p, t, w, gust) - friction(p, m, w, d)
+        d[SPEED] = torque / (p.inertia - p.inertia2)
+        d[ANGLE] = w[SPEED]
+    if p.inertia2 > 0.0:
+        shaft = p.shaft * (w[ANGLE] - w[ANGLE2]) + p.shaft_damping * (w[SPEED] - w[SPEED2])
+        d[SPEED2], d[ANGLE2] = shaft / p.inertia2, w[SPEED2]
+    if p.sensor_lag > 0.0:
+        d[LAGGED] = (seen(p, m, w) - w[LAGGED]) / p.sensor_lag
+
+
+@njit(cache=True, error_model="numpy")
+def stick_or_slide(p, m, w, before, supply, gust):
+    """Karnopp: at a reversal the load stays if the friction can hold it."""
+    if p.coulomb + p.stribeck == 0.0 or p.bristle_stiffness > 0.0:
+        m.stuck = 0.0
+        return
+    if m.stuck == 0.0 and w[SPEED] * m.slides > 0.0:
+        return
+    net = p.displacement * w[PRESSURE] - load_torque(p, m.t, w, gust)
+    if abs(net) <= level(p, 0.0):
+        m.stuck, m.slides, w[SPEED] = 1.0, 0.0, 0.0
+    elif m.stuck or w[SPEED] * net >= 0.0:
+        m.stuck, m.slides = 0.0, np.sign(net)
+
+
+@njit(cache=True, error_model="numpy")
+def step(p, m, w, h, supply, gust, k):
+    """Heun's method, then what jumps: the play and whether the load sticks."""
+    slope(p, m, m.t, w, supply, gust, k[0])
+    k[2] = w + h * k[0]
+    slope(p, m, m.t + h, k[2], supply, gust, k[1])
+    before = w[SPEED]
+    w += 0.5 * h * (k[0] + k[1])
+    m.t += h
+    stick_or_slide(p, m, w, before, supply, gust)
+    behind = clip(m.behind, w[ANGLE] - p.gap / 2.0, w[ANGLE] + p.gap / 2.0)
+    m.touches = 1.0 if behind != m.behind else 0.0
+    m.behind = behind
+
+
+@njit(cache=True, error_model="numpy")
+def arrive(p, m, w, volts):
+    volts = clip(volts, -p.limit, p.limit)
+    m.played = clip(m.played, volts - p.play, volts + p.play)
+    if p.spool_lag == 0.0:
+        w[SPOOL] = m.played
+
+
+@njit(cache=True, error_model="numpy")
+def go(p, m, w, until, longest, supply, gust, k):
+    if until <= m.t:
+        return
+    count = math.ceil((until - m.t) / longest)
+    h = (until - m.t) / count
+    for _ in range(count):
+        step(p, m, w, h, supply, gust, k)
+    m.t = until
+
+
+@njit(cache=True, error_model="numpy")
+def run(p, m, w, t, u, kind, c, noise, supply, gusts, latency, longest, y):
+    """Rows of a record: fills `y`, and `u` unless it is given. `c` is the controller's.
+
+    Relay: amplitude, bias, cycles, reference; servo: gain, and the references in `u`.
+    """
+    k4, memory, given = np.zeros((3, 8)), np.zeros(8), 0
+    for k in range(len(t)):
+        while given < k and t[given] + latency + p.delay <= t[k]:
+            go(p, m, w, t[given] + latency + p.delay, longest, supply[k], gusts[k], k4)
+            arrive(p, m, w, u[given])
+            given += 1
+        go(p, m, w, t[k], longest, supply[k], gusts[k], k4)
+        y[k] = (w[LAGGED] if p.sensor_lag > 0.0 else seen(p, m, w)) + noise[k]
+        if p.count > 0.0:
+            y[k] = math.floor(y[k] / p.count + 0.5) * p.count
+        if kind == RELAY:
+            signal = y[k] - c[3]
+            if p.sees_speed and k > 0:
+                memory[7] += (0.5 * (y[k] + y[k - 1]) - c[3]) * (t[k] - t[k - 1])
+            u[k] = relay(c, memory, t[k], memory[7] if p.sees_speed else signal, k)
+        elif kind == SERVO:
+            u[k] = clip(c[0] * (u[k] - y[k]), -c[1], c[1])

@@ -1,0 +1,148 @@
+"""A plant with hidden effects, in the terms of a diagnosis, run as the actuator of `hidden_plant`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import hidden_plant
+import numpy as np
+from hidden_plant import DEFAULTS, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
+
+LONGEST = 4e-5
+"""Step [s]; that of bristles, which are quick, is a quarter of it."""
+
+VALVE = {
+    "transport_delay": {"time": "delay"},
+    "valve_saturation": {"limit": "limit"},
+    "valve_hysteresis": {"half_width": "play"},
+    "valve_lag": {"time": "spool_lag"},
+    "null_shift": {"voltage": "null"},
+    "valve_deadband": {"half_width": "overlap"},
+    "asymmetric_gain": {"ratio": "unequal"},
+    "pressure_dependent_stiffness": {"air": "air"},
+    "backlash": {"gap": "gap"},
+    "position_ripple": {
+        "amplitude": "eccentric",
+        "wavenumber": "eccentric_waves",
+        "phase": "eccentric_phase",
+    },
+    "sensor_lag": {"time": "sensor_lag"},
+    "sensor_quantization": {"step": "count"},
+    "parameter_drift": {"K_L": "drift_gain", "omega_n": "drift_omega", "zeta": "drift_zeta"},
+}
+"""Same number in both worlds."""
+
+TORQUES = {
+    "load_bias": {"acceleration": "weight"},
+    "load_spring": {"stiffness": "spring"},
+    "coulomb_friction": {"level": "coulomb"},
+    "stribeck_friction": {"level": "stribeck"},
+    "lugre_friction": {"stiffness": "bristle_stiffness", "damping": "bristle_damping"},
+    "periodic_disturbance": {"amplitude": "ripple"},
+    "drag": {"strength": "drag"},
+    "hardening": {"strength": "hardening"},
+    "gusts": {"strength": "gusts"},
+}
+"""Accelerations of the free load here, torques there."""
+
+ANGLES = {
+    "load_spring": {"centre": "centre"},
+    "stribeck_friction": {"speed": "stribeck_speed"},
+    "periodic_disturbance": {"omega": "ripple_omega", "phase": "ripple_phase"},
+    "slew": {"strength": "slew"},
+    "progressive": {"strength": "progressive"},
+    "volume": {"strength": "volume"},
+    "curved": {"strength": "curved"},
+}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is to be found, and the hardware that nobody sees.
+
+    Attributes:
+        K_L, omega_n, zeta: Of Eq. 1 [unit/s/V, rad/s, 1].
+        effects: Values by cause (names of `sim.effects`, or of `hidden_plant.OFF_LIST`) and parameter.
+        sees_speed: The sensor measures speed.
+        displacement: Of the actuator [m^3/rad].
+        inertia: Of the load [kg m^2].
+    """
+
+    K_L: float
+    omega_n: float
+    zeta: float
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    sees_speed: bool = False
+    displacement: float = 2e-5
+    inertia: float = 0.03
+
+    def physical(self) -> np.ndarray:
+        values = dict(DEFAULTS)
+        d, j = self.displacement, self.inertia
+        values["displacement"], values["inertia"] = d, j
+        values["compliance"] = d * d / (j * self.omega_n**2)
+        values["leakage"] = 2.0 * self.zeta * self.omega_n * values["compliance"]
+        values["valve"] = self.K_L * d
+        values["sees_speed"] = float(self.sees_speed)
+        for table, scale in ((VALVE, 1.0), (TORQUES, j), (ANGLES, 1.0)):
+            for name, slots in table.items():
+                for parameter, slot in slots.items():
+                    if parameter in self.effects.get(name, {}):
+                        values[slot] = scale * self.effects[name][parameter]
+        values.update(self._coupled(values))
+        record = np.zeros(1, PHYSICAL)
+        for name, value in values.items():
+            record[name] = value
+        return record
+
+    def _coupled(self, values: dict[str, float]) -> dict[str, float]:
+        """Those that are made of several numbers."""
+        out, of = {}, self.effects.get
+        if root := of("square_root_flow"):
+            out["supply"] = root["supply"] * self.inertia / self.displacement
+        if second := of("load_resonance"):
+            out["inertia2"] = self.inertia * second["inertia"] / (1.0 + second["inertia"])
+            out["shaft"] = out["inertia2"] * second["omega"] ** 2
+            out["shaft_damping"] = 2.0 * second["zeta"] * second["omega"] * out["inertia2"]
+        if math.isfinite(values["slew"]) and values["spool_lag"] == 0.0:
+            out["spool_lag"] = QUICK
+        return out
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How the rig is driven.
+
+    Attributes:
+        kind: `GIVEN`, `RELAY` or `SERVO`.
+        u: Volts, or the servo's references; shape (n,).
+        settings: Of the controller, see `hidden_plant.run`.
+    """
+
+    kind: int
+    u: np.ndarray
+    settings: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+
+def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, latency=0.0, seen_at=None):
+    """Readings and commands, each of shape (n,); `seen_at`: when the samples are really taken."""
+    p, m, w = rig.physical(), np.zeros(1, MODES), np.zeros(8)
+    n, s = len(t), p[0]
+    noise = np.zeros(n) if noise is None else noise
+    supply = np.ones(n) if supply is None else supply
+    gusts = np.zeros(n) if gusts is None else gusts
+    m["t"], m["stuck"] = t[0], 1.0
+    w[PRESSURE] = (s["weight"] - s["spring"] * s["centre"]) / s["displacement"]
+    w[LAGGED] = 0.0 if rig.sees_speed else hidden_plant.encoder(s, 0.0)
+    y, u = np.empty(n), np.array(drive.u, float)
+    times = t if seen_at is None else seen_at
+    settings = np.array(drive.settings)
+    longest = LONGEST / 4.0 if s["bristle_stiffness"] > 0.0 else LONGEST
+    hidden_plant.run(
+        s, m[0], w, times, u, drive.kind, settings, noise, supply, gusts, latency, longest, y
+    )  # fmt: skip
+    return y, u
+
+
+__all__ = ["GIVEN", "RELAY", "SERVO", "Drive", "Rig", "simulate"]

@@ -1,0 +1,119 @@
+"""The diagnosis finds what records hide; it sees their files alone. `bench/blind.py` is the large set."""
+
+import pytest
+from hidden_cases import draw
+from hidden_records import make_record, write
+from hidden_score import outcome, parameters, wilson
+
+from seod.data import read
+from seod.diagnose.command import Options, diagnose
+
+pytestmark = pytest.mark.timeout(400)  # on a busy machine; a quiet one needs some seconds each
+
+SINGLE = [
+    ("transport_delay", "steps", False),
+    ("valve_lag", "multisine", True),
+    ("valve_deadband", "operation", False),
+    ("valve_hysteresis", "multisine", False),
+    ("valve_saturation", "steps", True),
+    ("asymmetric_gain", "operation", True),
+    ("square_root_flow", "multisine", False),
+    ("coulomb_friction", "steps", False),
+    ("stribeck_friction", "steps", True),
+    ("load_spring", "operation", False),
+    ("load_bias", "steps", False),
+    ("backlash", "operation", False),
+    ("sensor_lag", "steps", False),
+    ("sensor_quantization", "multisine", False),
+    ("periodic_disturbance", "two-phase", False),
+    ("position_ripple", "multisine", False),
+    ("parameter_drift", "steps", False),
+    ("pressure_dependent_stiffness", "multisine", True),
+    ("load_resonance", "multisine", False),
+    ("outliers", "operation", False),
+    ("missing_samples", "steps", True),
+    ("timing_jitter", "relay", True),
+    ("lugre_friction", "steps", False),
+]
+PAIRS = [
+    (("coulomb_friction", "transport_delay"), "steps", False),
+    (("backlash", "valve_deadband"), "multisine", False),
+]
+UNLISTED = [("gusts", "multisine", True)]
+SECONDS = 12.0
+
+
+def told_of(case, folder):
+    path = folder / "run.csv"
+    write(make_record(case), path)
+    output = "velocity" if case.rig.sees_speed else "position"
+    return diagnose([read(path)], (), Options(output=output)).as_json()
+
+
+@pytest.mark.parametrize(("cause", "excitation", "sees_speed"), SINGLE, ids=[each[0] for each in SINGLE])
+def test_a_hidden_cause_is_named(tmp_path, cause, excitation, sees_speed):
+    case = draw(3, "one", (cause,), excitation, sees_speed, duration=SECONDS)
+    told = told_of(case, tmp_path)
+    assert outcome(case.kind, case.causes, told) != "wrong", (case, told)
+
+
+@pytest.mark.parametrize(("causes", "excitation", "sees_speed"), PAIRS, ids=["+".join(p[0]) for p in PAIRS])
+def test_two_hidden_causes_are_named(tmp_path, causes, excitation, sees_speed):
+    case = draw(4, "two", causes, excitation, sees_speed, duration=SECONDS)
+    told = told_of(case, tmp_path)
+    assert outcome(case.kind, case.causes, told) != "wrong", (case, told)
+
+
+@pytest.mark.parametrize("excitation", ["relay", "multisine", "operation"])
+def test_nothing_is_found_where_nothing_is_hidden(tmp_path, excitation):
+    case = draw(5, "clean", (), excitation, duration=SECONDS)
+    told = told_of(case, tmp_path)
+    assert (told["verdict"], told["effects"]) == ("clean", [])
+
+
+@pytest.mark.parametrize(("cause", "excitation", "sees_speed"), UNLISTED, ids=[each[0] for each in UNLISTED])
+def test_what_is_on_no_list_is_not_given_the_nearest_name(tmp_path, cause, excitation, sees_speed):
+    case = draw(6, "unlisted", (cause,), excitation, sees_speed, duration=SECONDS)
+    told = told_of(case, tmp_path)
+    assert told["verdict"] == "unexplained", (case, told)
+    assert told["unexplained"]["fraction"] > 0.0
+
+
+def effect(name, *others, value=1.0, ci95=(0.5, 1.5), of="level"):
+    numbers = {of: {"value": value, "unit": "", "ci95": list(ci95)}}
+    return {"name": name, "parameters": numbers, "indistinguishable_from": list(others)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "causes", "verdict", "effects", "expected"),
+    [
+        ("clean", (), "clean", [], "exact"),
+        ("clean", (), "effects", [effect("backlash")], "wrong"),
+        ("one", ("backlash",), "effects", [effect("backlash")], "exact"),
+        ("one", ("backlash",), "effects", [effect("valve_lag", "backlash")], "within"),
+        ("one", ("backlash",), "effects", [effect("valve_lag")], "wrong"),
+        ("one", ("backlash",), "effects", [effect("backlash"), effect("valve_lag")], "wrong"),
+        ("one", ("lugre_friction",), "effects", [effect("coulomb_friction")], "exact"),
+        ("two", ("a", "b"), "effects", [effect("c", "a", "b"), effect("d", "a")], "wrong"),
+        ("two", ("a", "b"), "effects", [effect("b"), effect("d", "a")], "within"),
+        ("two", ("a", "b"), "effects", [effect("a")], "wrong"),
+        ("unlisted", ("drag",), "unexplained", [effect("a")], "exact"),
+        ("unlisted", ("drag",), "effects", [effect("a")], "wrong"),
+    ],
+)
+def test_answers_are_scored(kind, causes, verdict, effects, expected):
+    assert outcome(kind, causes, {"verdict": verdict, "effects": effects}) == expected
+
+
+def test_a_phase_counts_modulo_a_turn():
+    told = {"effects": [effect("position_ripple", value=-3.0, ci95=(-3.1, -2.9), of="phase")]}
+    ((place, truth, value, low, high),) = parameters({"position_ripple": {"phase": 3.25}}, told)
+    assert place == "position_ripple.phase"
+    assert (truth, value) == (3.25, pytest.approx(3.283, abs=1e-3))
+    assert low < 3.25 < high
+
+
+def test_wilsons_interval_holds_what_is_known():
+    assert wilson(50, 100) == pytest.approx((0.4038, 0.5962), abs=1e-4)
+    assert wilson(100, 100)[0] == pytest.approx(0.963, abs=1e-3)
+    assert wilson(0, 0) == (0.0, 1.0)

@@ -1,0 +1,116 @@
+"""The generator of hidden effects, held against the plant of `plant_truth` and closed forms."""
+
+import json
+
+import numpy as np
+import pytest
+from hidden_baseline import best_baseline
+from hidden_cases import Invisible, draw, run
+from hidden_drives import EXCITATIONS
+from hidden_records import make_record, write
+from hidden_rig import GIVEN, Drive, Rig, simulate
+from hidden_strength import DEFECTS, LISTED, UNLISTED
+from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen
+from plant_truth import Plant
+from truth_runs import follow
+
+from seod.data import read
+from sim.effects import EFFECTS
+
+T = np.arange(0.0, 0.12, 1e-3)
+U = np.repeat([1.0, -1.0, 0.6, 0.3, -0.5, 1.0], 20)
+SUPPLY = 1.0 + 0.3 * np.sin(40.0 * T)
+MOVED_BY_SUPPLY = {"square_root_flow", "pressure_dependent_stiffness"}
+
+
+def at_constant_temperature(effects):
+    """Without the thermal drift, which hidden rigs do not have."""
+    return {
+        name: {of: value for of, value in values.items() if "thermal" not in of}
+        for name, values in effects.items()
+    }
+
+
+@pytest.mark.parametrize("name", EFFECTS_ON)
+def test_each_effect_is_that_of_the_plant_written_apart(name):
+    effects = at_constant_temperature(chosen(name))
+    sees_speed = name in {"valve_hysteresis", "load_resonance", "sensor_lag"}
+    supply = SUPPLY if name in MOVED_BY_SUPPLY else None
+    ours, _ = simulate(Rig(K_L, OMEGA_N, ZETA, effects, sees_speed), T, Drive(GIVEN, U), supply=supply)
+    apart_from = follow(Plant(K_L, OMEGA_N, ZETA, effects, sees_speed=sees_speed), T, U, T, supply)
+    without, _ = simulate(Rig(K_L, OMEGA_N, ZETA, {}, sees_speed), T, Drive(GIVEN, U), supply=supply)
+    assert apart(ours, apart_from) < 1e-3
+    assert apart(ours, without) > 2e-3, "the effect does nothing here"
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [("valve_lag", "coulomb_friction"), ("backlash", "sensor_lag"), ("square_root_flow", "load_bias")],
+    ids="+".join,
+)
+def test_effects_combine(effects):
+    effects = chosen(*effects)
+    ours, _ = simulate(Rig(K_L, OMEGA_N, ZETA, effects), T, Drive(GIVEN, U))
+    assert apart(ours, follow(Plant(K_L, OMEGA_N, ZETA, effects), T, U, T)) < 1e-3
+
+
+def test_the_hardware_behind_the_numbers_does_not_matter():
+    effects = chosen("square_root_flow", "coulomb_friction", "load_resonance")
+    one, other = (
+        simulate(Rig(K_L, OMEGA_N, ZETA, effects, False, d, j), T, Drive(GIVEN, U))[0]
+        for d, j in ((1e-5, 0.01), (3e-4, 2.0))
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("sees_speed", [False, True], ids=["position", "speed"])
+def test_the_best_baseline_finds_the_linear_plant_and_leaves_the_noise(sees_speed):
+    t, random = np.arange(0.0, 10.0, 1e-3), np.random.default_rng(4)
+    u = np.repeat(random.choice([-1.0, 1.0], 200), 50)
+    noise = random.normal(0.0, 0.01, len(t))
+    y, _ = simulate(Rig(17.0, 60.0, 0.5, {}, sees_speed), t, Drive(GIVEN, u), noise)
+    found = best_baseline(y, u, 1e-3, (17.0, 80.0, 0.3), sees_speed=sees_speed)
+    assert (found.K_L, found.omega_n, found.zeta) == pytest.approx((17.0, 60.0, 0.5), rel=0.01)
+    assert found.rms == pytest.approx(0.01, rel=0.05)
+
+
+def test_the_lists_name_all_causes_and_nothing_else():
+    assert {*LISTED, *DEFECTS} == {name for name, effect in EFFECTS.items() if effect.cause}
+    assert not set(UNLISTED) & set(EFFECTS)
+
+
+@pytest.mark.parametrize("excitation", EXCITATIONS)
+def test_a_hidden_effect_is_visible_over_the_noise(excitation):
+    case = draw(11, "one", ("coulomb_friction",), excitation, sees_speed=False, duration=4.0)
+    y, u = run(case)
+    start = case.rig.K_L, case.rig.omega_n, case.rig.zeta
+    assert best_baseline(y, u, case.tick, start).rms > 3.0 * case.noise
+    assert case.noise == pytest.approx(
+        0.01 * np.std(y - np.polyval(np.polyfit(case.t, y, 1), case.t)), rel=1e-6
+    )
+
+
+def test_what_a_relay_cannot_see_is_not_hidden_under_it():
+    with pytest.raises(Invisible, match="valve_deadband"):
+        draw(5, "one", ("valve_deadband",), "relay", sees_speed=False, duration=1.0)
+
+
+def test_a_number_makes_the_same_case_each_time(tmp_path):
+    first, again = draw(21, duration=2.0), draw(21, duration=2.0)
+    assert first == again
+    for name, case in (("a", first), ("b", again)):
+        write(make_record(case), tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize("cause", DEFECTS)
+def test_the_file_holds_the_record_with_its_defects(tmp_path, cause):
+    case = draw(7, "one", (cause,), "relay", sees_speed=True, duration=2.0)
+    record = make_record(case)
+    write(record, tmp_path / "run.csv")
+    back = read(tmp_path / "run.csv")
+    np.testing.assert_allclose(back.y, record.y, rtol=1e-8)
+    assert np.isnan(back.y).any() == (cause == "missing_samples")
+    header = (tmp_path / "run.csv").read_text().splitlines()[0]
+    assert json.dumps(case.causes) not in header
+    assert set(header.split(",")) <= {"t", "u", "y", "t_u", "ps"}

@@ -1,0 +1,130 @@
+"""`seod diagnose` as it is typed: what is printed, written and refused. The search is stood in for."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_example import K_L, LEVEL, command, example, simulate
+from typer.testing import CliRunner
+
+import seod.diagnose.run as run_module
+from seod.cli import app
+from seod.config.load import load_rig
+from seod.data import read
+from seod.diagnose.answer import DiagnoseError
+from seod.diagnose.run import output_of
+from seod.paths import configs_dir
+
+VIRTUAL = configs_dir() / "virtual.yaml"
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("data") / "run.csv"
+    u = command(600)
+    t, y, _, _ = simulate(u, {})
+    np.savetxt(path, np.c_[t, u, y], delimiter=",", header="t,u,y [rad]", comments="", fmt="%.9g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return example()
+
+
+@pytest.fixture
+def asked(monkeypatch, answer):
+    """What the search was asked for."""
+    calls = []
+
+    def diagnose(recordings, holdout, options, progress):
+        progress("looking", 0.5)
+        calls.append((recordings, holdout, options))
+        return answer
+
+    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    return calls
+
+
+def typed(*words):
+    return CliRunner().invoke(app, ["diagnose", *(str(word) for word in words)])
+
+
+def test_a_table_and_sentences(asked, recording):
+    result = typed(recording)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.startswith("The baseline misses coulomb_friction")
+    assert "level" in result.stdout
+    ((recordings, holdout, options),) = asked
+    assert (len(recordings), len(holdout), options.output) == (1, 0, "position")
+
+
+def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
+    out = tmp_path / "found"
+    result = typed(recording, "--json", "--out", out, "--holdout", recording)
+    assert json.loads(result.stdout) == answer.as_json()
+    assert json.loads((out / "diagnosis.json").read_text()) == answer.as_json()
+    assert len(asked[0][1]) == 1
+
+
+def test_the_folder_holds_report_and_a_rig_that_loads(asked, recording, tmp_path):
+    out = tmp_path / "deep" / "found"
+    result = typed(recording, "--out", out)
+    assert f"{out / 'extended.yaml'}" in result.stdout
+    assert sorted(path.name for path in out.iterdir()) == [
+        "diagnosis.json",
+        "extended-can.yaml",
+        "extended.dbc",
+        "extended.yaml",
+        "report.html",
+    ]
+    for name in ("extended.yaml", "extended-can.yaml"):
+        plant = load_rig(out / name).simulation.plants["plant"]
+        assert plant.K_L == K_L
+        assert plant.effects["coulomb_friction"] == {"level": LEVEL}
+
+
+def test_with_a_rig_file_its_own_text_is_extended(asked, recording, tmp_path):
+    typed(recording, "--out", tmp_path, "--config", VIRTUAL)
+    text = (tmp_path / "extended.yaml").read_text()
+    assert "# The truth of the simulated rig" in text
+    assert load_rig(tmp_path / "extended.yaml").simulation.plants["motor"].omega_n == 60.0
+    assert asked[0][2].config.rig == "virtual-motor"
+    assert not (tmp_path / "extended-can.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["{data}", "--config", VIRTUAL, "--axis", "roll"], "no axis 'roll'"),
+        (["{data}.gone"], "run.csv.gone"),
+        (["{data}", "--out", "{data}"], "File exists"),
+    ],
+)
+def test_refusals_name_the_place(asked, recording, words, said):
+    result = typed(*(str(word).replace("{data}", str(recording)) for word in words))
+    assert result.exit_code == 1
+    assert said in result.stderr
+    assert result.stdout == ""
+    assert asked == []
+
+
+def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
+    def diagnose(*_):
+        raise DiagnoseError("run.csv: the command u never changes")
+
+    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    result = typed(recording)
+    assert (result.exit_code, result.stderr) == (1, "seod: run.csv: the command u never changes\n")
+
+
+def test_what_y_is_comes_from_its_unit_then_from_the_rig(recording):
+    servo = load_rig(configs_dir() / "servo-virtual.yaml")
+    assert output_of(read(recording), servo, None) == "position"
+    assert output_of(read(recording, units="y=rpm"), None, None) == "velocity"
+    bare = replace(read(recording), units={"y": ""})
+    assert output_of(bare, None, None) == "position"
+    assert output_of(bare, servo, "motor") == "velocity"

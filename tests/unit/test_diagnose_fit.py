@@ -1,0 +1,167 @@
+"""The search: from far off to the truth, along valleys, with windows of their own starts and errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
+
+from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.coordinates import Coordinate, Scales, group, searched_causes
+from seod.diagnose.fit import fit, settle
+from seod.diagnose.intervals import base_sd, covariance, effect_parameters
+from seod.diagnose.model import baseline_model, grouped
+from seod.diagnose.score import held_out, nrmse, wholes
+from seod.diagnose.windows import cut, pieces, series
+from sim.effects import EFFECTS
+
+SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
+TRUTH = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
+
+
+def windows(y, u, **more):
+    fitted, held = cut([series(recording(u, y, **more))])
+    return pieces(fitted, 1.0), held
+
+
+@pytest.fixture(scope="module")
+def clean():
+    u = multisine(8000)
+    return windows(linear(u), u)
+
+
+def deviations(found, cut_to):
+    values = found.model.values(found.x)
+    sd = base_sd(found, covariance(found, cut_to))
+    return {name: (values[name] - TRUTH[name]) / sd[name] for name in TRUTH}, sd
+
+
+def test_eq_1_is_found_without_any_start(clean):
+    found, _ = baseline(clean[0], False, {})
+    off, sd = deviations(found, clean[0])
+    assert max(abs(z) for z in off.values()) < 3.5
+    assert sd["omega_n"] < 1e-3 * OMEGA_N
+    assert np.mean(found.error) == pytest.approx(clean[0].noise[0] ** 2, rel=0.05)
+
+
+def test_the_same_of_a_speed_with_a_turned_sign():
+    u = multisine(6000)
+    one = series(recording(u, -linear(u, speed=True)), sees_speed=True)
+    fitted, _ = cut([one])
+    found, _ = baseline(fitted, True, {})
+    assert found.model.values(found.x)["K_L"] == pytest.approx(-K_L, rel=2e-3)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Standardised errors of twenty recordings: of unit variance."""
+    u = multisine(4000)
+    y = linear(u)
+    every = []
+    for seed in range(20):
+        to_fit, _ = windows(y, u, seed=seed)
+        model = baseline_model(SIZES, 1.0, False, {})
+        x = model.searched({"K_L": 16.0, "omega_n": 110.0, "zeta": 0.33})
+        found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
+        every += list(deviations(found, to_fit)[0].values())
+    assert 0.75 < np.std(every) < 1.25
+
+
+def test_a_lag_is_found_through_the_valley_where_gain_and_damping_change_together():
+    u = multisine(6000)
+    to_fit, _ = windows(linear(u, lag=0.004), u)
+    model = baseline_model(SIZES, 1.0, False, {}).with_effect("valve_lag")
+    x = model.searched({"K_L": 30.0, "omega_n": 90.0, "zeta": 0.7, "valve_lag.time": 0.0005})
+    found = fit(model, to_fit, x, simulated_states(model, x, to_fit), most=30)
+    lag = effect_parameters(found, "valve_lag", covariance(found, to_fit))["time"]
+    assert lag.ci95[0] < 0.004 < lag.ci95[1]
+    assert lag.ci95[1] - lag.ci95[0] < 2e-4
+
+
+def test_one_bad_window_has_no_veto():
+    u = multisine(8000)
+    y = linear(u)
+    y[2000:2400] += np.linspace(0.0, 2.0, 400) ** 2
+    to_fit, _ = windows(y, u)
+    found, _ = baseline(to_fit, False, {})
+    values = found.model.values(found.x)
+    assert values["omega_n"] == pytest.approx(OMEGA_N, rel=2e-3)
+    assert values["zeta"] == pytest.approx(ZETA, rel=1e-2)
+
+
+def test_initial_states_are_fitted_to_the_rows_given(clean):
+    _, held = clean
+    model = baseline_model(SIZES, 1.0, False, {})
+    x = model.searched(TRUTH)
+    start = settle(model, held, x, np.zeros((len(held.windows), 6)), held.started())
+    exact = simulated_states(model, x, held)
+    assert np.max(np.abs(start[:, 1] - exact[:, 1])) < 0.1 * SIZES.speed
+
+
+def test_held_out_windows_of_a_true_model_have_the_noise_alone(clean):
+    model = baseline_model(SIZES, 1.0, False, {})
+    x = model.searched(TRUTH)
+    true = held_out(model, x, clean[1])
+    assert true.adequacy == pytest.approx(1.0, abs=0.08)
+    assert true.nrmse == pytest.approx(true.floor, rel=0.05)
+    _, whole, diverged = wholes(model, x, clean[1])
+    assert whole == pytest.approx(0.01, rel=0.1)
+    assert not diverged
+    wrong = held_out(model, model.searched(TRUTH | {"omega_n": 1.05 * OMEGA_N}), clean[1])
+    assert wrong.adequacy > 5.0
+
+
+def test_a_simulation_that_runs_away_is_said_to(clean):
+    model = baseline_model(SIZES, 1.0, False, {"load_bias": {"acceleration": 1e5}})
+    assert wholes(model, model.searched(TRUTH), clean[1])[2]
+
+
+def test_nrmse_takes_the_mean_of_each_window_away():
+    y = np.array([0.0, 2.0, 10.0, 12.0])
+    every = np.ones(2, np.bool_)
+    assert nrmse([(y[:2], y[:2] + 1.0, every), (y[2:], y[2:], every)]) == pytest.approx(np.sqrt(2.0 / 4.0))
+
+
+def test_sizes_are_those_of_the_movement(clean):
+    near, found = baseline(clean[0], False, {})
+    sizes = scales(near, clean[0])
+    speed = linear(multisine(8000), speed=True)
+    assert sizes.speed == pytest.approx(np.std(speed), rel=0.1)
+    assert sizes.volts == pytest.approx(2.0, rel=0.1)
+    assert found.model.values(found.x)["omega_n"] == pytest.approx(OMEGA_N, rel=0.05)
+
+
+@pytest.mark.parametrize("name", searched_causes(replace(SIZES, warmer=True, pressed=True)))
+def test_every_start_is_a_plant_and_survives_the_way_there_and_back(name):
+    searched = group(name, SIZES)
+    model = baseline_model(SIZES, 1.0, False, {}).with_effect(name)
+    starts = searched.starts or (dict.fromkeys((c.place for c in searched.coordinates), 1.0),)
+    for start in starts:
+        x = model.searched(TRUTH | start)
+        for place, value in start.items() - {p for p in start.items() if p[0][0] == "*"}:
+            assert model.values(x)[place] == pytest.approx(value, rel=1e-9)
+        assert model.record(x)["K_L"][0] == pytest.approx(K_L)
+    assert set(grouped(model.values(x))) == {name}
+    low, high = model.bounds
+    for end in (low, high):
+        model.record(end)
+
+
+def test_all_causes_that_act_on_the_plant_are_searched():
+    told = {e.name for e in EFFECTS.values() if e.cause and e.enters != "record"}
+    every = replace(SIZES, warmer=True, pressed=True)
+    assert set(searched_causes(every)) == told - {"sensor_quantization"}
+    assert "pressure_dependent_stiffness" not in searched_causes(SIZES)
+
+
+def test_a_wave_has_amplitude_and_phase():
+    values = {"position_ripple.cosine": 0.3, "position_ripple.sine": 0.4, "position_ripple.wavenumber": 7.0}
+    found = grouped(values)["position_ripple"]
+    assert found["amplitude"] == pytest.approx(0.5)
+    assert 0.5 * np.sin(7.0 * 0.2 + found["phase"]) == pytest.approx(0.3 * np.cos(1.4) + 0.4 * np.sin(1.4))
+
+
+def test_a_coordinate_stays_within_its_bounds():
+    one = Coordinate("valve_lag.time", 1.0, 1e-5, 0.1)
+    assert one.value(one.bounds[1]) <= 0.1
+    assert one.value(99.0) == 0.1
+    assert one.searched(1.0) == one.bounds[1]

@@ -1,0 +1,146 @@
+"""The page: well-formed, complete, self-contained, and it says what the diagnosis says."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from diagnosis_example import example
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seod.diagnose.answer import Unexplained
+from seod.diagnose.report.chart import AFTER, Chart, Curve, Map, diverging, thinned
+from seod.diagnose.report.page import page
+from seod.diagnose.report.scale import covering
+from seod.diagnose.report.tables import share
+from seod.diagnose.report.text import as_text
+from seod.diagnose.report.words import headline
+
+
+@pytest.fixture(scope="module")
+def found():
+    return example()
+
+
+@pytest.fixture(scope="module")
+def html(found):
+    return page(found, "rad", ["run <1>.csv"])
+
+
+class Nesting(HTMLParser):
+    """Fails where tags do not match."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, _attributes):
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def pictures(html):
+    return re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+
+
+def test_it_is_well_formed_and_needs_nothing_from_outside(html):
+    parser = Nesting()
+    parser.feed(html)
+    assert parser.open == []
+    for picture in pictures(html):
+        ET.fromstring(picture)
+    assert not re.search(r"(src|href)=|url\(|@import|<script", html)
+    assert "run &lt;1&gt;.csv" in html
+
+
+def test_numbers_are_numbers(html):
+    assert not re.search(r"[ \"(]-?(nan|inf)", " ".join(pictures(html)))
+
+
+def test_it_says_what_was_found(html, found):
+    assert headline(found).replace("<", "&lt;") in html
+    assert "level = 250.0 ± 5.0 rad/s^2" in html
+    assert "cannot be told from load_spring" in html
+    assert "seod simulate x" in html
+    assert "Without them zeta came out 50 % too high: 0.6 instead of 0.4." in html
+    assert html.count("<svg") == 12  # the command is not periodic: no harmonics, no phase
+
+
+def test_a_clean_record_shows_one_model_and_no_causes():
+    clean = example(found=False)
+    html = page(clean, "rad", ["a.csv"])
+    assert "Clean" in html
+    assert "Causes, each" not in html
+    assert not any(AFTER in picture for picture in pictures(html))
+
+
+def test_what_is_unexplained_is_not_sold_as_explained(found):
+    rest = replace(found, verdict="unexplained", unexplained=Unexplained(0.3, ("velocity", "time")))
+    assert "but that is not all" in headline(rest)
+    assert "30 % of the baseline's squared error above the noise; it goes with velocity, time" in as_text(
+        rest, "rad"
+    )
+    assert "none of the known causes" in headline(replace(rest, effects=()))
+
+
+def test_the_terminal_gets_the_same(found):
+    text = as_text(found, "rad")
+    for each in ("coulomb_friction", "250.0 ± 5.0 rad/s^2", "0.4", "! Next experiment", "seod simulate x"):
+        assert each in text
+    json.dumps(found.as_json(), allow_nan=False)
+
+
+def test_the_only_cause_has_all_of_the_share(found):
+    assert share(found, found.effects[0]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_dense_line_keeps_its_extremes():
+    y = np.random.default_rng(2).normal(size=100_000)
+    y[54_321] = 99.0
+    x, thin = thinned(np.arange(100_000.0), y)
+    assert len(thin) <= 1400
+    assert (thin.max(), thin.min()) == (99.0, y.min())
+    assert np.all(np.diff(x) > 0)
+
+
+def test_a_gap_breaks_the_line_but_not_the_picture():
+    y = np.array([1.0, 2.0, np.nan, 3.0, 4.0])
+    x = np.arange(5.0)
+    svg = Chart("a<b", "x", "y", [Curve(x, y), Curve(x, y - 1, to=y + 1)]).svg()
+    assert "nan" not in svg
+    path = re.search(r'<path d="([^"]*)" fill="none"', svg).group(1)
+    assert path.count("M") == 2
+
+
+def test_a_map_leaves_empty_cells_white():
+    values = np.array([[1.0, np.nan], [-1.0, 0.0]])
+    svg = Map("t", "x", "y", np.arange(3.0), np.arange(3.0), values, 1.0).svg()
+    assert svg.count("<rect") == 3
+    assert diverging(1.0) in svg
+    assert diverging(-1.0) in svg
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9, allow_subnormal=False), min_size=1, max_size=20),
+    st.booleans(),
+)
+@settings(max_examples=100, deadline=None)
+def test_any_range_has_round_ticks_within_it(values, log):
+    array = np.array(values)
+    if log:
+        array = np.abs(array) + 1e-9
+    scale = covering([array], 0.0, 100.0, log)
+    ticks = scale.ticks()
+    room = 1e-6 * (scale.high - scale.low)
+    assert all(scale.low - room <= tick <= scale.high + room for tick in ticks)
+    assert len(ticks) <= 24
+    assert np.all((scale.pixels(array) >= 0.0) & (scale.pixels(array) <= 100.0))

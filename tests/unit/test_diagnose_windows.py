@@ -1,0 +1,130 @@
+"""Windows, noise and what a window's own start does, against truths that are known."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
+from plant_laws import ACCELERATION, PLACE, SPEED
+from plant_truth import Plant
+
+from seod.diagnose.answer import DiagnoseError
+from seod.diagnose.noise import noise_sd
+from seod.diagnose.simulate import inside, simulate
+from seod.diagnose.windows import Cut, cut, dominant_hz, pieces, sample, series
+from sim.parameters import parameters
+
+T = np.arange(12000) / RATE
+
+
+def of(y, u=None, **more):
+    return recording(multisine(len(y)) if u is None else u, y, **more)
+
+
+@pytest.fixture(scope="module")
+def one():
+    return series(of(linear(multisine(12000))))
+
+
+def test_noise_is_seen_through_a_movement_a_thousand_times_larger():
+    random = np.random.default_rng(1)
+    y = 50.0 * np.sin(2.0 * np.pi * 4.0 * T) + random.normal(0.0, 0.05, len(T))
+    every = np.ones(len(T), np.bool_)
+    assert noise_sd(T, y, every) == pytest.approx(0.05, rel=0.04)
+
+
+def test_noise_is_not_seen_in_rows_that_do_not_count_nor_over_gaps():
+    random = np.random.default_rng(1)
+    y = np.sin(2.0 * np.pi * 2.0 * T) + random.normal(0.0, 0.01, len(T))
+    good = random.random(len(T)) > 0.02
+    y[~good] += 100.0
+    kept = (T < 4.0) | (T > 7.0)
+    assert noise_sd(T[kept], y[kept], good[kept]) == pytest.approx(0.01, rel=0.05)
+
+
+def test_the_dominant_frequency_is_found_beside_a_drift():
+    y = 3.0 * T + np.sin(2.0 * np.pi * 5.3 * T) + 0.3 * np.sin(2.0 * np.pi * 31.0 * T)
+    assert dominant_hz(T, y, np.ones(len(T), np.bool_)) == pytest.approx(5.3, abs=0.1)
+
+
+@pytest.mark.parametrize(("hz", "length"), [(20.0, 1.0), (5.0, 2.0), (0.7, 3.0)])
+def test_a_window_is_ten_periods_at_least_a_second_at_most_a_quarter(hz, length):
+    assert series(of(np.sin(2.0 * np.pi * hz * T))).window_s == pytest.approx(length, rel=0.06)
+
+
+def test_every_second_window_is_held_out_and_none_is_in_both(one):
+    fitted, held = cut([one])
+    assert len(fitted.windows) - len(held.windows) in (0, 1)
+    every = sorted(fitted.windows + held.windows)
+    assert every[0] == fitted.windows[0]
+    assert every[1] == held.windows[0]
+    for (_, _, last), (_, first, _) in pairwise(every):
+        assert last == first
+    assert every[-1][2] == len(one.t)
+
+
+def test_a_recording_kept_aside_is_held_out_whole(one):
+    fitted, held = cut([one, one], aside=1)
+    assert {k for k, _, _ in fitted.windows} == {0}
+    every, odd = (sorted((a, b) for of, a, b in held.windows if of == k) for k in (1, 0))
+    assert every[1::2] == odd
+    assert every[0][0] == fitted.windows[0][1]
+
+
+def test_pieces_hold_the_same_rows_and_a_sample_only_some(one):
+    fitted, _ = cut([one])
+    small = pieces(fitted, 0.5)
+    assert np.array_equal(small.gathered("t"), fitted.gathered("t"))
+    some = sample(small, 2.0)
+    assert set(some.windows) < set(small.windows)
+    assert some.sizes.sum() == pytest.approx(2.0 * RATE, rel=0.3)
+
+
+def test_what_tells_nothing_is_refused_with_its_reason():
+    y = linear(multisine(12000))
+    for wrong, why in (
+        (of(y, u=np.full(12000, np.nan)), "has no command u"),
+        (of(y, u=np.zeros(12000)), "the command u never changes"),
+        (of(np.full(12000, np.nan)), "has 0 samples of y; a diagnosis needs 200"),
+    ):
+        with pytest.raises(DiagnoseError, match=why):
+            series(wrong)
+
+
+def test_a_command_that_is_missing_is_the_one_before(one):
+    u = multisine(12000)
+    u[100:103] = np.nan
+    assert np.all(series(of(linear(multisine(12000)), u=u)).u[100:103] == u[99])
+
+
+def test_windows_begin_where_the_plant_written_apart_is():
+    """Delay, lag and hysteresis from the recording's start; the load from each window's own."""
+    effects = {
+        "transport_delay": {"time": 0.0033},
+        "valve_lag": {"time": 0.004},
+        "valve_hysteresis": {"half_width": 0.1},
+        "square_root_flow": {"supply": 9000.0},
+        "load_bias": {"acceleration": 200.0},
+    }
+    n = 500
+    u = multisine(n)
+    truth, given = Plant(K_L, OMEGA_N, ZETA, effects), 0
+    y, states = np.empty(n), np.empty((n, 3))
+    for k in range(n):
+        while given < k and T[given] + 0.0033 <= T[k]:
+            truth.advance(T[given] + 0.0033)
+            truth.command(u[given])
+            given += 1
+        truth.advance(T[k])
+        y[k] = truth.reading(truth.w)
+        states[k] = truth.w[[ACCELERATION, SPEED, PLACE]]
+    one = series(recording(u, y, noise=0.0))
+    windows = Cut([one], ((0, 150, 260), (0, 320, 500)))
+    start = np.zeros((2, 6))
+    start[:, :3] = states[[150, 320]]
+    record = parameters(K_L, OMEGA_N, ZETA, effects)
+    rows = np.r_[150:260, 320:500]
+    assert np.max(np.abs(simulate(record, windows, start) - y[rows])) < 1e-5 * np.ptp(y)
+    seen, within = inside(record, windows, start)
+    assert np.array_equal(seen, simulate(record, windows, start))
+    assert np.all(np.max(np.abs(within - states[rows]), axis=0) < 1e-4 * np.ptp(states, axis=0))

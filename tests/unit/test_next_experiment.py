@@ -1,0 +1,86 @@
+"""The experiment that is proposed separates the causes: tried out with the rig's own simulation, apart."""
+
+import numpy as np
+import pytest
+
+from seod.diagnose.answer import FoundEffect, Gain
+from seod.diagnose.coordinates import Scales
+from seod.diagnose.experiment import ENOUGH, excitations, next_experiment
+from seod.diagnose.model import baseline_model
+from seod.diagnose.trial import Excitation, follow, perform, refitted, times
+
+K_L, OMEGA_N, ZETA = 17.0, 117.0, 0.4
+TICK, NOISE, VOLTS = 1e-3, 1e-3, 1.0
+SCALES = Scales(VOLTS, 8.0, 900.0, 0.0, 0.2, 0.1, OMEGA_N, 20.0, TICK)
+
+
+def model_with(name, sees_speed=False, **values):
+    model = baseline_model(SCALES, 1.0, sees_speed, {}).with_effect(name)
+    every = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, **{f"{name}.{of}": x for of, x in values.items()}}
+    return model, model.searched(every)
+
+
+def propose(name, others, **values):
+    model, x = model_with(name, **values)
+    found = FoundEffect(name, {}, Gain(0.1, 0.01), 0.0, tuple(others))
+    return next_experiment([found], model, x, NOISE, VOLTS, TICK)
+
+
+def test_nothing_is_proposed_where_all_is_told_apart():
+    assert propose("valve_deadband", (), half_width=0.1) is None
+
+
+def test_unequal_gain_and_load_bias_are_separated_by_several_amplitudes_of_the_relay():
+    told = propose("asymmetric_gain", ["load_bias"], ratio=0.1)
+    assert told.separates == ("asymmetric_gain", "load_bias")
+    assert told.input.startswith("relay: 0.25, 0.5, 1 V one after the other")
+    assert "--excitation relay --amplitude 0.25" in told.command
+
+
+def test_overlap_and_play_need_more_than_a_relay():
+    told = propose("valve_deadband", ["valve_hysteresis"], half_width=0.1)
+    assert not told.input.startswith("relay")
+    model, x = model_with("valve_deadband", half_width=0.1)
+    rival, begin = model_with("valve_hysteresis", half_width=0.1)
+    record, t = model.record(x), times(OMEGA_N, TICK)
+    asked = {each.kind: each for each in excitations(OMEGA_N, VOLTS, TICK)}
+    near = refitted(rival, [begin], perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), t), NOISE)
+    far = refitted(
+        rival, [begin], perform(record, asked[told.input.split(",")[0].split(":")[0].split(" ")[0]], t), NOISE
+    )
+    assert near[1] < 0.1 * far[1]
+    assert far[1] > ENOUGH
+
+
+def test_lags_before_and_behind_a_linear_plant_need_another_sensor():
+    told = propose("valve_lag", ["sensor_lag"], time=2e-3)
+    assert "load pressure" in told.input
+    assert told.command == ""
+    assert told.separates == ("valve_lag", "sensor_lag")
+
+
+def test_no_trial_asks_for_more_volts_than_the_recordings_had():
+    for each in excitations(OMEGA_N, VOLTS, TICK):
+        model, x = model_with("valve_lag", time=1e-3)
+        run = perform(model.record(x), each, times(OMEGA_N, TICK))
+        assert np.max(np.abs(run.u)) <= VOLTS * (1.0 + 1e-12)
+        assert np.ptp(run.u) > 0.0
+
+
+def test_a_rival_that_is_the_truth_itself_fits():
+    model, x = model_with("coulomb_friction", level=200.0)
+    t = times(OMEGA_N, TICK)
+    run = perform(model.record(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
+    found, left = refitted(model, [x + 0.02], run, NOISE)
+    assert left < 0.2
+    np.testing.assert_allclose(model.record(found)["coulomb_friction_level"], 200.0, rtol=0.01)
+
+
+@pytest.mark.parametrize("sees_speed", [False, True], ids=["position", "speed"])
+def test_readings_and_pressure_are_those_of_the_plant(sees_speed):
+    model, x = model_with("valve_lag", sees_speed, time=1e-3)
+    t = np.arange(0.0, 1.0, TICK)
+    y, pressure = follow(model.record(x), t, np.full(len(t), 0.5))
+    speed = y[-1] if sees_speed else (y[-1] - y[-101]) / 0.1
+    assert speed == pytest.approx(0.5 * K_L, rel=1e-3)
+    assert abs(pressure[-1]) < 1e-3 * np.max(np.abs(pressure))

@@ -1,0 +1,181 @@
+"""Defects of recordings are found, with their numbers, and sound records have none."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seod.data import Recording
+from seod.diagnose.column_check import gain_remarks
+from seod.diagnose.counts import counts
+from seod.diagnose.defects import examine
+from seod.diagnose.stencil import slopes
+from sim.defects import jittered, missing_samples, outliers
+
+NOISE = 0.01
+T = np.arange(8000) * 1e-3
+
+
+def movement(t):
+    return np.sin(9.0 * t) + 0.3 * np.sin(41.0 * t + 1.0)
+
+
+def recording(y, t=T, u=None):
+    rows = np.arange(1, len(t) + 1)
+    u = np.sign(np.cos(9.0 * t)) if u is None else u
+    return Recording((Path("run.csv"),), t, u, y, None, None, None, rows, {}, {}, ())
+
+
+def noisy(seed=1, t=T):
+    return movement(t) + np.random.default_rng(seed).normal(0.0, NOISE, len(t))
+
+
+def inside(parameter, value):
+    return parameter.ci95[0] <= value <= parameter.ci95[1]
+
+
+def only(found):
+    assert len(found.found) == 1, found.found
+    return found.found[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_sound_record_has_no_defects(seed):
+    found = examine(recording(noisy(seed)))
+    assert (found.found, found.step, found.remarks) == ((), 0.0, ())
+    assert not found.bad.any()
+
+
+def test_outliers_are_counted_and_measured():
+    off = outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
+    found = examine(recording(noisy() + off))
+    defect = only(found)
+    assert defect.name == "outliers"
+    assert inside(defect.parameters["rate"], 0.01)
+    assert inside(defect.parameters["size"], 0.3)
+    large = np.abs(off) > 15.0 * NOISE
+    assert found.bad[large].mean() > 0.9
+    assert not found.bad[off == 0.0].any()
+
+
+def test_corners_and_jumps_of_the_signal_are_no_outliers():
+    corners = np.abs(np.sin(9.0 * T)) * 4.0
+    jumps = np.floor(T * 3.0) % 2
+    found = examine(recording(noisy() + corners + jumps))
+    assert not found.bad.any()
+    assert found.found == ()
+
+
+@pytest.mark.parametrize("rows_are_there", [True, False], ids=["empty readings", "no rows"])
+def test_missing_samples_are_counted(rows_are_there):
+    gone = missing_samples(len(T), 0.03, 4.0, np.random.default_rng(2))
+    y = noisy()
+    record = recording(np.where(gone, np.nan, y)) if rows_are_there else recording(y[~gone], T[~gone])
+    defect = only(examine(record))
+    assert defect.name == "missing_samples"
+    assert inside(defect.parameters["rate"], 0.03)
+    assert inside(defect.parameters["length"], 4.0)
+    assert defect.parameters["rate"].value == pytest.approx(gone.mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_timing_jitter_is_told_from_noise_by_the_slope(seed):
+    taken = jittered(T, 3e-3 / 12.0, np.random.default_rng(seed + 50))
+    y = movement(6.0 * taken) + np.random.default_rng(seed).normal(0.0, NOISE / 3.0, len(T))
+    defect = only(examine(recording(y)))
+    assert defect.name == "timing_jitter"
+    assert defect.parameters["deviation"].value == pytest.approx(2.5e-4, rel=0.05)
+    assert defect.p_value < 1e-6
+
+
+def test_a_quick_signal_with_little_noise_has_no_jitter():
+    burst = np.maximum(np.sin(2.0 * T), 0.0) ** 2 * np.sin(400.0 * T)
+    found = examine(recording(burst + 0.1 * noisy()))
+    assert "timing_jitter" not in [each.name for each in found.found]
+
+
+def test_true_times_that_are_uneven_are_no_jitter():
+    t = np.sort(T + np.random.default_rng(1).normal(0.0, 2e-4, len(T)))
+    t = t[np.concatenate([[True], np.diff(t) > 2e-4])]
+    assert [
+        each.name for each in examine(recording(noisy(2, t), t)).found if each.name == "timing_jitter"
+    ] == []
+
+
+@settings(max_examples=25, deadline=None)
+@given(step=st.floats(0.03, 0.3), offset=st.floats(-1.0, 1.0), before=st.booleans())
+def test_counts_are_found_before_or_after_noise(step, offset, before):
+    random = np.random.default_rng(5)
+    noise = random.normal(0.0, 0.1 * step, len(T))
+    y = movement(T) + (noise if before else 0.0)
+    y = np.floor(y / step + 0.5) * step + offset + (0.0 if before else noise)
+    found = counts(y, 0.1 * step)
+    assert found.step == pytest.approx(step, abs=max(4.0 * found.sd, 1e-9))
+    assert found.sd < 0.01 * step
+
+
+def test_no_counts_where_the_load_rests_for_long():
+    y = np.where(T < 6.0, 0.3, movement(T)) + np.random.default_rng(1).normal(0.0, NOISE, len(T))
+    assert counts(y, NOISE).step == 0.0
+
+
+def test_a_clipped_sensor_is_told_and_its_rows_left_out():
+    y = np.minimum(noisy(), 0.8)
+    found = examine(recording(y))
+    assert "stands at 0.8" in found.remarks[0]
+    assert found.bad[y == 0.8].mean() > 0.95
+    assert not found.bad[y < 0.8].any()
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "words"),
+    [
+        (None, 3.0 * T, "straight line over t"),
+        (movement(T), 2.0 * movement(T), "another scale"),
+        (noisy(), np.sign(np.cos(9.0 * T)), "exchanged"),
+    ],
+)
+def test_wrong_columns_are_named(u, y, words):
+    (remark,) = examine(recording(y, u=u)).remarks
+    assert remark.startswith("run.csv: ")
+    assert words in remark
+    assert "--columns" in remark
+
+
+def test_a_record_of_noise_alone_is_told():
+    (remark,) = examine(recording(np.random.default_rng(1).normal(0.0, NOISE, len(T)))).remarks
+    assert "mostly noise" in remark
+
+
+def test_times_in_milliseconds_are_suspected():
+    assert "--units t=ms" in examine(recording(noisy(), 1000.0 * T)).remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("K_L", "expected", "words"),
+    [
+        (-17.0, 17.0, "sign of u or of y"),
+        (17.0 * 57.3, 17.0, "degrees for radians"),
+        (17.0 / 57.3, 17.0, "radians for degrees"),
+        (17e3, 17.0, "thousandths"),
+        (17.0 * 9.55, 17.0, "turns a minute"),
+    ],
+)
+def test_sign_and_unit_are_seen_in_the_gain(K_L, expected, words):
+    (remark,) = gain_remarks("run.csv", K_L, expected)
+    assert words in remark
+
+
+@pytest.mark.parametrize("K_L", [17.0, 10.0, 40.0])
+def test_a_gain_of_the_right_size_says_nothing(K_L):
+    assert gain_remarks("run.csv", K_L, 17.0) == []
+    assert gain_remarks("run.csv", K_L) == []
+
+
+def test_slopes_are_those_of_the_cubic_through_the_neighbours():
+    t = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, 200))
+    np.testing.assert_allclose(slopes(t, 3.0 + 2.0 * t - 5.0 * t**3), 2.0 - 15.0 * t**2, rtol=1e-5, atol=1e-5)
+    assert math.isfinite(slopes(t, np.ones_like(t)).sum())
