@@ -12,12 +12,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import sys
 import tempfile
 from collections import Counter, defaultdict
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import process_time
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 
@@ -32,19 +36,34 @@ from seod.diagnose.command import Options, diagnose
 GOALS = {"one": 0.99, "two": 0.95, "clean": 0.995, "unlisted": 0.95}
 COVERAGE = (0.90, 0.98)
 OUT = Path(tempfile.gettempdir()) / "seod-blind.jsonl"
+LIMIT_S = 120
+"""Processor time of one diagnosis, after which it counts as wrong."""
+LATE = "no answer in time"
 
 
-def answer(case: Case, folder: Path) -> tuple[dict, float]:
-    """What the diagnosis says of the case's file, and how long it took [s]."""
+def answer(case: Case, folder: Path, limit: int) -> tuple[dict, float]:
+    """What the diagnosis says of the case's file, and what it took [s of processor time].
+
+    In a process of its own, which the kernel ends at the limit.
+    """
     path = folder / "run.csv"
     write(make_record(case), path)
     output = "velocity" if case.rig.sees_speed else "position"
-    before = perf_counter()
+    with ProcessPoolExecutor(1, get_context("fork")) as pool:
+        try:
+            return pool.submit(_told, path, output, limit).result()
+        except BrokenProcessPool:
+            return {"verdict": LATE, "effects": []}, float(limit)
+
+
+def _told(path: Path, output: str, limit: int) -> tuple[dict, float]:
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+    before = process_time()
     try:
         told = diagnose([read(path)], (), Options(output=output)).as_json()
     except DiagnoseError as error:
         told = {"verdict": f"refused: {error}", "effects": []}
-    return told, perf_counter() - before
+    return told, process_time() - before
 
 
 def _told_by_file(case: Case) -> dict:
@@ -97,7 +116,7 @@ def run(args: argparse.Namespace, done: set[int]) -> None:
             except Invisible as error:
                 print(error, flush=True)
                 continue
-            found = line(case, *answer(case, Path(folder)))
+            found = line(case, *answer(case, Path(folder), args.limit))
             out.write(json.dumps(found) + "\n")
             out.flush()
             print(summary(found), flush=True)
@@ -178,7 +197,11 @@ def tables(lines: list[dict]) -> None:
     confusion(lines)
     intervals(lines)
     if lines:
-        print(f"\nseconds a record: median {median(each['seconds'] for each in lines):.1f}")
+        seconds = sorted(each["seconds"] for each in lines)
+        late = sum(each["verdict"] == LATE for each in lines)
+        print(
+            f"\nprocessor time: median {median(seconds):.1f} s, most {seconds[-1]:.1f} s, {late} not in time"
+        )
 
 
 def main() -> None:
@@ -191,6 +214,7 @@ def main() -> None:
     parser.add_argument("--excitation")
     parser.add_argument("--noise", type=float, default=0.01, help="part of the detrended std(y)")
     parser.add_argument("--duration", type=float, help="of each record [s]; default: by the plant, 20 or 30")
+    parser.add_argument("--limit", type=int, default=LIMIT_S, help="processor time of a diagnosis [s]")
     args = parser.parse_args()
     args.kind = args.kind or (None if args.cause is None else ("one", "two")[len(args.cause) - 1])
     lines = _read(args.out)
