@@ -11,14 +11,15 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format unit processes vm wheel bench lock clean
+.PHONY: run test lint format unit blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
 test: lint
 	$(BIN)/pytest tests/unit -n auto --dist loadfile
-	$(BIN)/pytest tests --ignore=tests/unit
+	$(BIN)/pytest tests/blind -n auto
+	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -32,6 +33,9 @@ format: $(READY)
 
 unit: $(READY)
 	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not processes"
+
+blind: $(READY)
+	$(BIN)/pytest tests/blind -n auto
 
 processes: $(READY)
 	$(BIN)/pytest -m processes
