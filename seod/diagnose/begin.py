@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from seod.diagnose.coordinates import Scales
-from seod.diagnose.fit import fit, linear_gain
+from seod.diagnose.fit import fit
+from seod.diagnose.linear import linear_gain
 from seod.diagnose.model import BASE, baseline_model
 from seod.diagnose.simulate import STATES, inside
 from seod.diagnose.windows import Cut, dominant_hz, pieces, sample

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from seod.diagnose.normal import Normal, Table
 from seod.diagnose.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from seod.diagnose.answer import Array, Mask
     from seod.diagnose.model import Model
@@ -63,11 +64,13 @@ def fit(
     model: Model, cut: Cut, x: Array, start: Array, most: int = 15, each: Each = map, free: Mask | None = None
 ) -> Fitted:
     """Search from `x` and initial states `start`; `free` tells which numbers are searched, None: all."""
-    search = _Search(model, cut, each, np.ones(len(x), np.bool_) if free is None else free)
+    search = Search(model, cut, each, np.ones(len(x), np.bool_) if free is None else free)
     return search.run(x, start, most)
 
 
-class _Search:
+class Search:
+    """A search under way: what is measured, and what is free."""
+
     def __init__(self, model: Model, cut: Cut, each: Each, free: Mask) -> None:
         self.model, self.cut, self.each, self.free = model, cut, each, np.flatnonzero(free)
         self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
@@ -78,6 +81,7 @@ class _Search:
         self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
 
     def run(self, x: Array, start: Array, most: int) -> Fitted:
+        """At most so many steps from searched numbers and initial states."""
         residual, error = self.tried(x, start)
         curvature = np.zeros((len(x), len(x)))
         damping = 1e-2
@@ -102,7 +106,7 @@ class _Search:
 
     def bent(
         self,
-        parts: _Normal,
+        parts: Normal,
         x: Array,
         start: Array,
         residual: Array,
@@ -153,7 +157,7 @@ class _Search:
                 residual[self.slices[w]] = kept[self.slices[w]]
         return (new, residual, now) if self.cost(now) < self.cost(error) else None
 
-    def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> _Normal:
+    def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
         base = self.y - residual
         states, sizes = self.model.states, self.model.state_sizes
@@ -177,145 +181,13 @@ class _Search:
         products = [
             w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
         ]
-        table = _Table(every, weights, self.slices)
-        return _Normal(np.array(products), states, sizes, self.free, len(x), table)
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """Columns of derivatives, states first and residual last, rows end to end, and the weights of windows."""
-
-    columns: Array
-    weights: Array
-    slices: Sequence[slice]
-
-
-class _Normal:
-    """Weighted products of the columns, states first and residual last, of each window: shape (w, m, m)."""
-
-    def __init__(
-        self,
-        products: Array,
-        states: list[int],
-        sizes: Array,
-        free: Any,
-        unknowns: int,
-        table: _Table | None = None,
-    ) -> None:
-        self.products, self.states, self.sizes, self.table = products, states, sizes, table
-        self.free, self.unknowns, self.count = free, unknowns, len(states)
-        n = self.count
-        own = products[:, :n, :n]
-        ridge = 1e-9 * np.einsum("wii->wi", own) + 1e-12 * np.trace(own, axis1=1, axis2=2)[:, None] + 1e-200
-        self.inverse = np.linalg.inv(own + ridge[:, :, None] * np.eye(n))
-        self.solved = self.inverse @ products[:, :n, n:]
-        self.left = products[:, n:, n:] - np.swapaxes(products[:, :n, n:], 1, 2) @ self.solved
-        self.total = self.left.sum(axis=0)
-
-    def curvature(self) -> Array:
-        """Of all searched numbers, zero for those that are not free."""
-        out = np.zeros((self.unknowns, self.unknowns))
-        out[np.ix_(self.free, self.free)] = self.total[:-1, :-1]
-        return out
-
-    def length(self, step: Array) -> float:
-        """Of a step of the searched numbers, each in its own measure."""
-        scale = np.sqrt(np.maximum(self.total.diagonal()[:-1], 0.0))
-        return float(np.linalg.norm(scale * step[self.free]))
-
-    def along(self, step: Array, states: Array) -> Array:
-        """What a step changes in the simulation, to first order, shape (n,)."""
-        assert self.table is not None  # noqa: S101
-        own = states[:, self.states] / self.sizes[self.states]
-        columns = self.table.columns
-        out = columns[:, self.count : -1] @ step[self.free]
-        for piece, of in zip(self.table.slices, own, strict=True):
-            out[piece] += columns[piece, : self.count] @ of
-        return np.asarray(out)
-
-    def projected(self, x: Array) -> Array:
-        """Weighted products of the columns with `x`, shape (n,), of each window: shape (w, m - 1)."""
-        assert self.table is not None  # noqa: S101 - only a search asks
-        table = self.table
-        pairs = zip(table.weights, table.slices, strict=True)
-        return np.array([w * (x[piece] @ table.columns[piece, :-1]) for w, piece in pairs])
-
-    def step(
-        self, damping: float, low: Array, high: Array, right: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 6).
-
-        `right` is in place of the residual's products.
-        """
-        right = self.products[:, :-1, -1] if right is None else right
-        n = self.count
-        own = np.einsum("wij,wj->wi", self.inverse, right[:, :n])
-        rest = right[:, n:] - np.einsum("wij,wi->wj", self.products[:, :n, n:-1], own)
-        step = np.zeros(self.unknowns)
-        if len(self.free):
-            step[self.free] = self._solved(rest.sum(axis=0), damping, low[self.free], high[self.free])
-        own = own - self.solved[:, :, :-1] @ step[self.free]
-        states = np.zeros((len(own), len(self.sizes)))
-        states[:, self.states] = own * self.sizes[self.states]
-        return step, states
-
-    def _solved(self, right: Array, damping: float, low: Array, high: Array) -> Array:
-        matrix = self.total[:-1, :-1]
-        diagonal = np.maximum(matrix.diagonal(), 1e-12 * float(np.max(matrix.diagonal())) + 1e-300)
-        damped = matrix + damping * np.diag(diagonal)
-        active = np.ones(len(right), np.bool_)
-        step = np.zeros(len(right))
-        for _ in range(3):  # those that run into a bound stay there, the others are solved anew
-            where = np.flatnonzero(active)
-            if not len(where):
-                break
-            fixed = ~active
-            rest = right[where] - damped[np.ix_(where, np.flatnonzero(fixed))] @ step[fixed]
-            step[where] = np.linalg.lstsq(damped[np.ix_(where, where)], rest, rcond=1e-14)[0]
-            step = np.clip(step, low, high)
-            bound = active & ((step <= low) | (step >= high))
-            if not bound.any():
-                break
-            active &= ~bound
-        return step
+        table = Table(every, weights, self.slices)
+        return Normal(np.array(products), states, sizes, self.free, len(x), table)
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
     """Initial states fitted to these `rows` only, the parameters given; shape (w, 6)."""
-    search = _Search(model, cut, map, np.zeros(len(x), np.bool_))
+    search = Search(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows
     search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
     return search.run(x, start, most).start
-
-
-def linear_gain(model: Model, cut: Cut, x: Array, start: Array) -> tuple[float, float, float]:
-    """K_L and a load bias that fit best at the omega_n and zeta of `x`, the initial states being free.
-
-    Exact for Eq. 1, whose answer is linear in them; for the effects of a rig's file a guess.
-
-    Returns:
-        K_L [unit/s/V], load bias [unit/s^2], and the cost they leave.
-    """
-    search = _Search(model, cut, map, np.zeros(len(x), np.bool_))
-    biased = model if "load_bias" in model.names else model.with_effect("load_bias")
-    at = np.concatenate([x, np.zeros(len(biased.coordinates) - len(x))])
-    columns, bias = [], 1e-2 * model.scales.pressure
-    at_rest = simulate(model.record(x), cut, start)
-    for column in model.states:
-        moved = start.copy()
-        moved[:, column] += model.state_sizes[column]
-        columns.append(simulate(model.record(x), cut, moved) - at_rest)
-    pushed = simulate(
-        biased.record(biased.searched({**biased.values(at), "load_bias.acceleration": bias})), cut, start
-    )
-    place = np.concatenate([np.full(n, s) for n, s in zip(cut.sizes, start[:, 2], strict=True)])
-    offset = np.zeros_like(place) if model.sees_speed else place
-    K_L = model.values(x)["K_L"]
-    every = [*columns, (at_rest - offset) / K_L, (pushed - at_rest) / bias, search.y - offset]
-    table = np.stack(every, axis=1) * search.good[:, None]
-    products = np.array([table[piece].T @ table[piece] for piece in search.slices])
-    normal = _Normal(products, model.states, model.state_sizes, np.arange(2), 2)
-    found = np.linalg.lstsq(normal.total[:2, :2], normal.total[:2, 2], rcond=1e-12)[0]
-    error = normal.left[:, 2, 2] - 2.0 * normal.left[:, 2, :2] @ found
-    error += np.einsum("i,wij,j->w", found, normal.left[:, :2, :2], found)
-    return float(found[0]) or 1e-9, float(found[1]), search.cost(np.maximum(error, 0.0) / search.count)
