@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.budget import SEARCH_S, Budget
+from seod.diagnose.choose import Judged, choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
@@ -17,7 +20,7 @@ from seod.diagnose.fit import fit
 from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.score import held_out
 from seod.diagnose.screen import screen
-from seod.diagnose.select import finalists, grow, refined, thinned
+from seod.diagnose.select import grow
 from seod.diagnose.windows import cut, pieces, series
 from sim.effects import EFFECTS
 
@@ -50,11 +53,13 @@ class Options:
         output: What `y` is.
         config: The rig whose model is the baseline; None: Eq. 1.
         axis: Of that rig; None: its first.
+        search_s: Processor time after which no further cause is tried [s].
     """
 
     output: Output = "position"
     config: RigConfig | None = None
     axis: str | None = None
+    search_s: float = SEARCH_S
 
 
 def diagnose(
@@ -62,6 +67,7 @@ def diagnose(
     holdout: Sequence[Recording] = (),
     options: Options | None = None,
     progress: Progress = lambda _what, _part: None,
+    clock: Callable[[], float] = time.process_time,
 ) -> Diagnosis:
     """Find what Eq. 1, or a rig's model, gets wrong in recordings.
 
@@ -70,12 +76,13 @@ def diagnose(
         holdout: Further ones, that no fit sees.
         options: See there.
         progress: Called with what is being done and the part of all work that is.
+        clock: Tells the processor time used so far [s].
 
     Raises:
         DiagnoseError: A recording tells nothing.
     """
     wishes = options or Options()
-    sees_speed = wishes.output == "velocity"
+    sees_speed, budget = wishes.output == "velocity", Budget(clock, wishes.search_s)
     checked = [examine(each) for each in (*recordings, *holdout)]
     nominal = _nominal(wishes)
     every = [
@@ -84,30 +91,34 @@ def diagnose(
     ]
     to_fit, aside = cut(every, len(holdout))
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = _search(to_fit, aside, sees_speed, _known(wishes), pool.map, progress)
+        found = _search(to_fit, aside, _Way(sees_speed, _known(wishes), pool.map, budget, progress))
         if any(each.name == "outliers" for defects in checked for each in defects.found):
             found = trimmed(found)
     progress("comparing", 0.9)
     answer = answered(found, to_fit, aside, checked, wishes.output)
     name, plant = str(recordings[0].paths[0]), _plant(wishes)
     remarks = gain_remarks(name, answer.baseline.K_L, None if plant is None else plant.K_L)
-    answer = replace(answer, remarks=(*answer.remarks, *remarks))
+    answer = replace(answer, remarks=(*answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
 
 
-def _search(
-    to_fit: Cut,
-    aside: Cut,
-    sees_speed: bool,
-    known: Mapping[str, Mapping[str, float]],
-    each: Each,
-    progress: Progress,
-) -> Found:
+class _Way(NamedTuple):
+    """How it is searched: `known` are effects of the rig's model."""
+
+    sees_speed: bool
+    known: Mapping[str, Mapping[str, float]]
+    each: Each
+    budget: Budget
+    progress: Progress
+
+
+def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
+    _, _, each, budget, progress = way
     progress("fitting Eq. 1", 0.0)
     small = pieces(to_fit)
-    screened = screen(small, each)
-    first, near = baseline(screened.cut, sees_speed, known, each)
+    screened = screen(small, each, budget)
+    first, near = baseline(screened.cut, way.sees_speed, way.known, each)
     base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
     plain = held_out(base.model, base.x, aside)
     if plain.floor > MOSTLY_NOISE:
@@ -121,10 +132,8 @@ def _search(
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
-    complete = [refined(each, small, screened) for each in finalists(grown.best) if each.model.names]
-    best = min(complete, key=lambda one: one.cost) if complete else base
+    judged, without = choose(Judged(base, plain), grown, small, aside, screened)
     progress("measuring the gain", 0.8)
-    judged, without = thinned(best, small, aside, screened)
     chosen = Chosen(judged.found, without, small, judged.held)
     effects = found_effects(chosen, screened, grown.tried)
     return Found(base, plain, chosen, tuple(effects), grown)

@@ -61,11 +61,21 @@ class Fitted:
 
 
 def fit(
-    model: Model, cut: Cut, x: Array, start: Array, most: int = 15, each: Each = map, free: Mask | None = None
+    model: Model,
+    cut: Cut,
+    x: Array,
+    start: Array,
+    most: int = 15,
+    each: Each = map,
+    free: Mask | None = None,
+    ended: Callable[[], bool] = lambda: False,
 ) -> Fitted:
-    """Search from `x` and initial states `start`; `free` tells which numbers are searched, None: all."""
+    """Search from `x` and initial states `start`.
+
+    `free` tells which numbers are searched, None: all; `ended` is asked before each step.
+    """
     search = Search(model, cut, each, np.ones(len(x), np.bool_) if free is None else free)
-    return search.run(x, start, most)
+    return search.run(x, start, most, ended)
 
 
 class Search:
@@ -80,12 +90,14 @@ class Search:
         self.low, self.high = low, high
         self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
 
-    def run(self, x: Array, start: Array, most: int) -> Fitted:
+    def run(self, x: Array, start: Array, most: int, ended: Callable[[], bool] = lambda: False) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
         residual, error = self.tried(x, start)
         curvature = np.zeros((len(x), len(x)))
         damping = 1e-2
         for _ in range(most):
+            if ended():
+                break
             before = self.cost(error)
             parts = self.derivatives(x, start, residual, error)
             curvature = parts.curvature()

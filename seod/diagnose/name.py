@@ -13,10 +13,10 @@ from seod.diagnose.intervals import covariance, effect_parameters, p_value
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from seod.diagnose.choose import Judged
     from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
     from seod.diagnose.screen import Screen
-    from seod.diagnose.select import Judged
     from seod.diagnose.windows import Cut
 
 AS_WELL: Final = 0.004

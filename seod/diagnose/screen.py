@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.begin import simulated_states
+from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import WAVES, group
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.simulate import inside
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.answer import Array
+    from seod.diagnose.budget import Budget
     from seod.diagnose.coordinates import Values
     from seod.diagnose.fit import Each
     from seod.diagnose.model import Model
@@ -45,12 +47,14 @@ class Screen:
         cut: Some of them.
         few: Fewer still: which of `cut`.
         each: Maps a function over trials, in parallel.
+        budget: What the search may use.
     """
 
     every: Cut
     cut: Cut
     few: tuple[int, ...]
     each: Each
+    budget: Budget
 
     def start(self, parent: Model, x: Array) -> Array:
         """Initial states on `cut` for a model fitted elsewhere, shape (w, 6)."""
@@ -63,22 +67,32 @@ class Screen:
         numbers = self._lines(parent, [name for name in causes if name in WAVES])
         trials = [(name, v) for name in causes for v in self._starts(parent.model, name, numbers)]
 
-        def glance(trial: tuple[str, Values]) -> Fitted:
+        def glance(trial: tuple[str, Values]) -> Fitted | None:
+            if self.budget.spent:
+                return None
             model = parent.model.with_effect(trial[0])
             x = model.searched(begun_from(parent.model.values(parent.x), trial[1]))
-            return fit(model, fewer, x, begun, FAR if "*K_L" in trial[1] else GLANCE)
+            return fit(
+                model, fewer, x, begun, FAR if "*K_L" in trial[1] else GLANCE, ended=self.budget.trial()
+            )
 
         seen: dict[str, Fitted] = {}
         for (name, _), found in zip(trials, self.each(glance, trials), strict=True):
-            if name not in seen or found.cost < seen[name].cost:
+            if found is not None and (name not in seen or found.cost < seen[name].cost):
                 seen[name] = found
         ranked = sorted(seen.values(), key=lambda one: one.cost)
 
         def further(found: Fitted) -> Fitted:
-            return fit(found.model, self.cut, found.x, self._spread(parent, found), STEPS)
+            ended = self.budget.trial()
+            return fit(found.model, self.cut, found.x, self._spread(parent, found), STEPS, ended=ended)
 
-        better = list(self.each(further, ranked[:PROMISING]))
+        better = [one for one in self.each(further, ranked[:PROMISING]) if not self._driven(one)]
         return sorted(better, key=lambda one: one.cost)
+
+    def _driven(self, found: Fitted) -> bool:
+        """A disturbance in step with the command is none: it stands for what the plant answers."""
+        omega = found.model.values(found.x).get("periodic_disturbance.omega")
+        return omega is not None and in_step(self.every, omega)
 
     def _spread(self, parent: Fitted, found: Fitted) -> Array:
         start = parent.start.copy()
@@ -109,9 +123,9 @@ def begun_from(values: Values, start: Values) -> Values:
     return {place: value * factors[place] for place, value in values.items()} | start
 
 
-def screen(every: Cut, each: Each) -> Screen:
+def screen(every: Cut, each: Each, budget: Budget) -> Screen:
     """Windows for trying causes, chosen from all windows to fit."""
     cut = sample(every, SCREENED_S)
     count = max(2, round(len(cut.windows) * PROBED_S / SCREENED_S))
     few = np.unique(np.linspace(0, len(cut.windows) - 1, count).round().astype(int))
-    return Screen(every, cut, tuple(few.tolist()), each)
+    return Screen(every, cut, tuple(few.tolist()), each, budget)

@@ -1,4 +1,4 @@
-"""Which set of effects: a beam of the best sets, grown by one effect at a time, then thinned out."""
+"""Which sets of effects: a beam of the best, grown by one effect at a time."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.begin import simulated_states
 from seod.diagnose.coordinates import searched_causes
-from seod.diagnose.fit import Fitted, fit
-from seod.diagnose.score import HeldOut, held_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from seod.diagnose.fit import Fitted
     from seod.diagnose.screen import Screen
     from seod.diagnose.windows import Cut
 
@@ -26,21 +24,12 @@ GAIN: Final = 0.02
 """Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
 ADEQUATE: Final = 1.03
 """Squared error over the noise's, at which the search ends: the noise is known to some percent."""
-FINALISTS: Final = 3
 
 
 def excess(found: Fitted, cut: Cut) -> float:
     """Geometric mean of the windows' squared errors over the noise's."""
     weights = cut.sizes / cut.sizes.sum()
     return float(np.exp(found.cost - weights @ np.log(cut.noise**2)))
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """A set of effects fitted to all windows, and its simulation of those held out."""
-
-    found: Fitted
-    held: HeldOut
 
 
 @dataclass
@@ -67,7 +56,7 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
     causes = searched_causes(roots[0].model.scales)
     grown, beam = Grown([roots[0]]), list(roots)
     for size in range(1, MOST + 1):
-        if excess(grown.best[0], screen.cut) < ADEQUATE:
+        if excess(grown.best[0], screen.cut) < ADEQUATE or screen.budget.spent:
             break
         found: dict[frozenset[str], Fitted] = {}
         for parent in beam:
@@ -82,49 +71,3 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
         grown.best, beam = [*ranked, *grown.best], ranked[:BEAM]
         progress(size / MOST)
     return grown
-
-
-def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
-    """The same fitted to all windows."""
-    start = simulated_states(found.model, found.x, cut)
-    return fit(found.model, cut, found.x, start, each=screen.each)
-
-
-def without(found: Fitted, name: str, cut: Cut, screen: Screen) -> Fitted:
-    """A set without one of its effects, fitted anew."""
-    model = found.model.without(name)
-    x = model.searched(found.model.values(found.x))
-    return fit(model, cut, x, simulated_states(model, x, cut), each=screen.each)
-
-
-def thinned(found: Fitted, cut: Cut, aside: Cut, screen: Screen) -> tuple[Judged, dict[str, Judged]]:
-    """Without the effects that gain too little, and of those left the set without each.
-
-    They have to gain where they were fitted (`cut`), and on the windows held out (`aside`).
-    """
-    own = Judged(found, held_out(found.model, found.x, aside))
-    while True:
-        rest = {name: _left(own.found, name, cut, aside, screen) for name in own.found.model.names}
-        if not rest:
-            return own, {}
-        least = min(rest.values(), key=lambda one: _gain(one, own))
-        if _gain(least, own) >= GAIN:
-            return own, rest
-        own = least
-
-
-def _left(found: Fitted, name: str, cut: Cut, aside: Cut, screen: Screen) -> Judged:
-    fewer = without(found, name, cut, screen)
-    return Judged(fewer, held_out(fewer.model, fewer.x, aside))
-
-
-def _gain(fewer: Judged, more: Judged) -> float:
-    """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
-    held = fewer.held.log_error - more.held.log_error
-    return min(fewer.found.cost - more.found.cost, 2.0 * held)
-
-
-def finalists(best: Sequence[Fitted]) -> list[Fitted]:
-    """Sets that deserve a fit to all windows: those near the best, smaller ones first."""
-    near = [one for one in best if one.cost < best[0].cost + 2.0 * GAIN]
-    return sorted(near, key=lambda one: (len(one.model.names), one.cost))[:FINALISTS]

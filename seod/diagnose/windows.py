@@ -29,7 +29,7 @@ FEWEST: Final = 4
 START: Final = 0.2
 """Part of a held-out window to which its initial state is fitted."""
 PIECE_S: Final = 2.0
-"""Windows are fitted in pieces no longer than this, each from a state of its own."""
+"""Windows are fitted in pieces no longer than this or a period, each from a state of its own."""
 SKIPPED_S: Final = 0.1
 """Of a recording's start: the commands before it, which delay and lag still show, are unknown."""
 _LEAST_SAMPLES: Final = 200
@@ -50,6 +50,7 @@ class Series:
         warmth: Temperature above nominal [K], likewise.
         noise: Standard deviation of the samples' noise.
         window_s: Length of its windows [s].
+        period_s: Dominant period [s].
         sees_speed: `y` is a speed.
     """
 
@@ -62,6 +63,7 @@ class Series:
     warmth: Array
     noise: float
     window_s: float
+    period_s: float
     sees_speed: bool
 
     @property
@@ -100,7 +102,7 @@ def series(
         good &= ~bad
     t, y = recording.t, np.where(good, recording.y, 0.0)
     t_u = t if recording.t_u is None else np.where(np.isfinite(recording.t_u), recording.t_u, t)
-    noise = noise_sd(t, y, good)
+    noise, period_s = noise_sd(t, y, good), 1.0 / dominant_hz(t, y, good)
     least = max(1e-9 * float(np.std(y[good])), step / math.sqrt(12.0))
     return Series(
         t=np.ascontiguousarray(t),
@@ -111,7 +113,8 @@ def series(
         supply=_relative(recording.ps, nominal_ps),
         warmth=_above(recording.temperature, nominal_temperature),
         noise=max(noise, least) if math.isfinite(noise) else least,
-        window_s=_window_s(t, y, good),
+        window_s=_window_s(t, period_s),
+        period_s=period_s,
         sees_speed=sees_speed,
     )
 
@@ -136,11 +139,10 @@ def _above(temperature: Array | None, nominal: float | None) -> Array:
     return _held(temperature) - (float(np.nanmean(temperature)) if nominal is None else nominal)
 
 
-def _window_s(t: Array, y: Array, good: Mask) -> float:
+def _window_s(t: Array, period_s: float) -> float:
     """Ten dominant periods, at least a second; less where the recording has not four of them."""
     span = float(t[-1] - t[0])
-    wanted = max(SHORTEST_S, PERIODS / dominant_hz(t, y, good))
-    return min(wanted, span / FEWEST)
+    return min(max(SHORTEST_S, PERIODS * period_s), span / FEWEST)
 
 
 def dominant_hz(t: Array, y: Array, good: Mask) -> float:
@@ -228,12 +230,16 @@ def _windows(one: Series) -> list[tuple[int, int]]:
     return [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= 50]
 
 
-def pieces(whole: Cut, longest_s: float = PIECE_S) -> Cut:
-    """The same rows in windows no longer than that."""
+def pieces(whole: Cut, longest_s: float | None = None) -> Cut:
+    """The same rows in windows no longer than that; None: than 2 s or a dominant period.
+
+    In shorter ones the initial states make up for what is wrong with the model.
+    """
     out = []
     for k, first, last in whole.windows:
         one = whole.series[k]
-        count = max(1, math.ceil((one.t[last - 1] - one.t[first]) / longest_s - 0.05))
+        length = max(PIECE_S, one.period_s) if longest_s is None else longest_s
+        count = max(1, math.ceil((one.t[last - 1] - one.t[first]) / length - 0.05))
         edges = np.linspace(first, last, count + 1).astype(int).tolist()
         out += [(k, a, b) for a, b in pairwise(edges)]
     return Cut(whole.series, tuple(out))

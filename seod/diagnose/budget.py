@@ -1,0 +1,55 @@
+"""How long a search may go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SEARCH_S: Final = 50.0
+"""Processor time after which no further cause is tried: fits of what was found follow."""
+TRIAL: Final = 0.02
+"""Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
+
+
+@dataclass
+class Budget:
+    """Processor time of a search.
+
+    Attributes:
+        clock: Tells what was used so far [s].
+        seconds: That may be used.
+        missed: A part of the search was left out for it.
+    """
+
+    clock: Callable[[], float]
+    seconds: float = SEARCH_S
+    missed: bool = False
+    _begin: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._begin = self.clock()
+
+    @property
+    def spent(self) -> bool:
+        """Nothing is left; whoever asks leaves out what it was about to do."""
+        over = self.clock() - self._begin > self.seconds
+        self.missed |= over
+        return over
+
+    def trial(self) -> Callable[[], bool]:
+        """Tells when one trial has had its part, or nothing is left at all."""
+        end = self.clock() + TRIAL * self.seconds
+        return lambda: self.clock() > end or self.spent
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the user has to know."""
+        if not self.missed:
+            return ()
+        return (
+            f"the search ended after {self.seconds:.0f} s of processor time: not all sets of causes "
+            "were tried. A shorter or more slowly sampled recording takes less",
+        )

@@ -1,0 +1,78 @@
+"""What is kept of a search: within its time, and never worse than the baseline."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from seod.diagnose.budget import Budget
+from seod.diagnose.choose import worse
+from seod.diagnose.command_period import command_period_s, in_step
+from seod.diagnose.windows import Cut, Series, cut, pieces
+
+T = np.arange(0.0, 25.0, 1e-3)
+
+
+def series(t, y, u, period_s=1.0, window_s=2.0):
+    nothing = np.empty(0)
+    good = np.ones(len(t), np.bool_)
+    return Series(t, y, good, t, u, nothing, nothing, 1e-3, window_s, period_s, False)
+
+
+def judged(held, whole, adequacy=50.0):
+    return SimpleNamespace(held=SimpleNamespace(nrmse=held, adequacy=adequacy), whole=whole)
+
+
+def test_a_set_that_simulates_worse_than_the_baseline_is_worse():
+    base = judged(0.3, 1.2)
+    assert worse(judged(1.3, 0.5), base)
+    assert worse(judged(0.1, 1.3), base)
+    assert not worse(judged(0.1, 0.2), base)
+
+
+def test_drift_of_a_whole_recording_does_not_count_where_only_noise_is_left():
+    assert not worse(judged(0.01, 0.03, adequacy=1.01), judged(0.3, 0.02))
+
+
+def test_a_budget_is_spent_when_its_time_is_over_and_says_so_where_something_was_left_out():
+    now = [5.0]
+    budget = Budget(lambda: now[0], 40.0)
+    now[0] = 44.0
+    assert not budget.spent
+    assert budget.remarks == ()
+    now[0] = 46.0
+    assert budget.remarks == ()
+    assert budget.spent
+    assert "40 s of processor time" in budget.remarks[0]
+
+
+def test_one_trial_has_a_part_of_it():
+    now = [0.0]
+    ended = Budget(lambda: now[0], 50.0).trial()
+    now[0] = 0.9
+    assert not ended()
+    now[0] = 1.1
+    assert ended()
+
+
+def test_a_command_that_repeats_itself_has_a_period():
+    u = np.sign(np.sin(2.0 * np.pi * T / 6.0)) + 0.3 * np.sin(2.0 * np.pi * T / 2.0)
+    assert command_period_s(T, u) == pytest.approx(6.0, rel=0.002)
+    assert command_period_s(T, np.sin(2.0 * np.pi * (0.2 + 0.1 * T) * T)) is None
+    assert command_period_s(T, np.random.default_rng(1).standard_normal(len(T))) is None
+
+
+@pytest.mark.parametrize(("order", "expected"), [(1.0, True), (3.1, True), (3.45, False), (9.0, False)])
+def test_what_repeats_with_the_command_is_no_disturbance(order, expected):
+    one = series(T, T, np.sign(np.sin(2.0 * np.pi * T / 6.0)))
+    assert in_step(Cut((one,), ((0, 0, len(T)),)), order * 2.0 * np.pi / 6.0) is expected
+
+
+def test_pieces_hold_a_period_at_least():
+    slow = cut([series(T, np.sin(T), np.cos(T), 6.0, 6.2)])[0]
+    quick = cut([series(T, np.sin(T), np.cos(T), 0.5, 6.2)])[0]
+    assert len(pieces(slow).windows) == len(slow.windows)
+    assert len(pieces(quick).windows) > 2 * len(quick.windows)
+    assert len(pieces(slow, 0.5).windows) > 10 * len(slow.windows)
