@@ -12,6 +12,10 @@ SEARCH_S: Final = 50.0
 """Processor time after which no further cause is tried: fits of what was found follow."""
 TRIAL: Final = 0.02
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
+LAST_FIT: Final = 0.06
+"""Likewise of a fit to all windows."""
+LOOKING: Final = 0.2
+"""Likewise of a look at many sets."""
 
 
 @dataclass
@@ -41,8 +45,20 @@ class Budget:
 
     def trial(self) -> Callable[[], bool]:
         """Tells when one trial has had its part, or nothing is left at all."""
-        end = self.clock() + TRIAL * self.seconds
-        return lambda: self.clock() > end or self.spent
+        over = self._after(TRIAL)
+        return lambda: over() or self.spent
+
+    def last_fit(self) -> Callable[[], bool]:
+        """Tells when one fit of what was found has had its part; such fits follow the search."""
+        return self._after(LAST_FIT)
+
+    def looking(self) -> Callable[[], bool]:
+        """Tells when no further set is simulated where no fit has seen."""
+        return self._after(LOOKING)
+
+    def _after(self, part: float) -> Callable[[], bool]:
+        end = self.clock() + part * self.seconds
+        return lambda: self.clock() > end
 
     @property
     def remarks(self) -> tuple[str, ...]:

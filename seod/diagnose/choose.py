@@ -59,7 +59,9 @@ def choose(
         best = Judged.of(min(complete, key=lambda one: one.cost), aside)
         if best.held.adequacy > ADEQUATE:
             least = MISFIT_GAIN
-            rivals = [Judged.of(refined(each, cut, screen), aside) for each in _looked_at(grown, aside)]
+            rivals = [
+                Judged.of(refined(each, cut, screen), aside) for each in _looked_at(grown, aside, screen)
+            ]
             best = min((best, *rivals, base), key=_unseen)
     else:
         best = base
@@ -82,27 +84,36 @@ def _unseen(one: Judged) -> float:
     return 2.0 * math.log(one.held.nrmse + 1e-300) + 2.0 * math.log(one.whole + 1e-300)
 
 
-def _looked_at(grown: Grown, aside: Cut) -> list[Fitted]:
-    """Of the better sets of each size those with the least error on windows held out."""
+def _looked_at(grown: Grown, aside: Cut, screen: Screen) -> list[Fitted]:
+    """Of the better sets of each size, large ones first, those with the least error on windows held out."""
+    over, held = screen.budget.looking(), []
+    for one in _better(grown):
+        if over():
+            break
+        held.append((held_out(one.model, one.x, aside).nrmse, one))
+    return [one for _, one in sorted(held, key=lambda pair: pair[0])[:FINALISTS]]
+
+
+def _better(grown: Grown) -> list[Fitted]:
     some: list[Fitted] = []
-    for size in {len(one.model.names) for one in grown.best} - {0}:
+    for size in sorted({len(one.model.names) for one in grown.best} - {0}, reverse=True):
         own = [one for one in grown.best if len(one.model.names) == size]
         some += sorted(own, key=lambda one: one.cost)[:LOOKED_AT]
-    held = {id(one): held_out(one.model, one.x, aside).nrmse for one in some}
-    return sorted(some, key=lambda one: held[id(one)])[:FINALISTS]
+    return some
 
 
 def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
     start = simulated_states(found.model, found.x, cut)
-    return fit(found.model, cut, found.x, start, each=screen.each)
+    return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
 def without(found: Fitted, name: str, cut: Cut, screen: Screen) -> Fitted:
     """A set without one of its effects, fitted anew."""
     model = found.model.without(name)
     x = model.searched(found.model.values(found.x))
-    return fit(model, cut, x, simulated_states(model, x, cut), each=screen.each)
+    start = simulated_states(model, x, cut)
+    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
 def thinned(
