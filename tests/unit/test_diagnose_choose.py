@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from diagnosis_example import LEVEL, command, simulate
 
+from seod.data import read
 from seod.diagnose.budget import Budget
 from seod.diagnose.choose import worse
+from seod.diagnose.command import diagnose
 from seod.diagnose.command_period import command_period_s, in_step
 from seod.diagnose.windows import Cut, Series, cut, pieces
 
@@ -76,3 +80,15 @@ def test_pieces_hold_a_period_at_least():
     assert len(pieces(slow).windows) == len(slow.windows)
     assert len(pieces(quick).windows) > 2 * len(quick.windows)
     assert len(pieces(slow, 0.5).windows) > 10 * len(slow.windows)
+
+
+def test_a_search_without_time_answers_and_says_what_it_left_out(tmp_path):
+    u = command(4000)
+    t, y, _, _ = simulate(u, {"coulomb_friction": {"level": LEVEL}})
+    np.savetxt(
+        tmp_path / "run.csv", np.c_[t, u, y], delimiter=",", header="t,u,y [rad]", comments="", fmt="%.9g"
+    )
+    now = count(0.0, 100.0)
+    answer = diagnose([read(tmp_path / "run.csv")], clock=lambda: next(now))
+    assert any("processor time" in remark for remark in answer.remarks)
+    assert answer.extended.holdout_nrmse <= answer.baseline.holdout_nrmse
