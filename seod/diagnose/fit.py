@@ -147,7 +147,7 @@ class Search:
         """Residual where there are samples, and each window's mean squared error."""
         simulated = simulate(self.model.record(x), self.cut, start)
         residual = np.where(self.good, self.y - simulated, 0.0)
-        residual = np.nan_to_num(residual, nan=1e150, posinf=1e150, neginf=-1e150)
+        residual = np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)  # the square is finite
         square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
