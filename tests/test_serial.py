@@ -188,8 +188,8 @@ def test_zeta_from_the_reference_firmware(firmware: Path, rig_file: Path) -> Non
     line = str(rig_file.with_name("board"))
     board = subprocess.Popen([firmware, line, "95", "0.35"], stdout=subprocess.PIPE)
     assert board.stdout is not None
-    assert b"ready" in board.stdout.readline()
     try:
+        assert b"ready" in board.stdout.readline()
         assert_found(rig_file, 95.0, 0.35)
     finally:
         board.terminate()

@@ -109,11 +109,11 @@ class BoardPeer:
                     if not self.deaf:
                         os.write(self.master, self.board.receive(data, time.monotonic()))
 
-    def frame(self, angle: float, enable: float = 1.0) -> bytes:
-        """The next sample of these readings."""
+    def frame(self, angle: float, t: float | None = None) -> bytes:
+        """The next sample of this reading, taken at `t` [s], now if left out."""
         with self._lock:
             self.board.sampling = True
-            return self.board.sample([round(angle / 1e-5), enable], time.monotonic())
+            return self.board.sample([round(angle / 1e-5), 1.0], time.monotonic() if t is None else t)
 
     def send(self, data: bytes) -> None:
         """Bytes on their way; they can be read when this returns (the kernel takes its time)."""

@@ -61,9 +61,14 @@ class Bench:
             time.sleep(0.05)
 
     def throw(self, axis: str) -> None:
-        """Put an axis beyond its travel; once its fault is told, back into the middle."""
-        self.rig.call("set", plant=axis, position=0.55 if axis == "rudder" else 1.4)
-        until("the fault", lambda: self.daemon.call("get", axis=axis)["fault"])
+        """Put an axis beyond its travel until its fault is told (the relay drives it back)."""
+        beyond = 0.55 if axis == "rudder" else 1.4
+
+        def stopped() -> object:
+            self.rig.call("set", plant=axis, position=beyond)
+            return self.daemon.call("get", axis=axis)["fault"]
+
+        until("the fault", stopped)
         until("neutral", lambda: self.voltages()[self.axes.index(axis)] == 0.0)
         fault = self.daemon.call("get", axis=axis)["fault"]
         assert fault["code"] in ("travel", "speed", "amplitude")

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from bus import CONFIG
@@ -75,9 +75,16 @@ def unit(installed: None, rig: Rpc) -> Iterator[Rpc]:
 
 def excite(daemon: Rpc) -> None:
     """Start, and wait for an estimate that is good."""
+    daemon.call("subscribe", topics=["estimate", "event"])
     daemon.call("start")
-    daemon.call("subscribe", topics=["estimate"])
-    daemon.wait_for("an ok estimate", lambda m: m.get("params", {}).get("quality") == "ok")
+    daemon.wait_for("an ok estimate", is_good)
+
+
+def is_good(message: dict[str, Any]) -> bool:
+    """An estimate that is good; a fault ends the wait with its reason."""
+    told = message.get("params", {})
+    assert told.get("event") != "fault", told
+    return bool(told.get("quality") == "ok")
 
 
 def test_it_runs_and_measures_and_stops_at_neutral(unit: Rpc, rig: Rpc, listener: Listener) -> None:
