@@ -96,6 +96,14 @@ def test_with_a_rig_file_its_own_text_is_extended(asked, recording, tmp_path):
     assert not (tmp_path / "extended-can.yaml").exists()
 
 
+def test_a_rig_on_a_bus_gets_its_dbc_beside_it(asked, recording, tmp_path):
+    result = typed(recording, "--out", tmp_path, "--config", configs_dir() / "can.yaml")
+    assert (result.exit_code, "no extended rig" in result.stdout) == (0, False)
+    config = load_rig(tmp_path / "extended.yaml")
+    assert config.driver["dbc"] == str(tmp_path / "motor.dbc")
+    assert config.simulation.plants["motor"].effects["coulomb_friction"] == {"level": LEVEL}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from seod.config.load import load_rig, load_text
 from seod.data import read
 from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.paths import configs_dir
@@ -118,6 +120,20 @@ def test_every_shipped_rig_takes_its_own_model_back(name):
         again = AxisView(after, axis).plant
         assert (again.K_L, again.omega_n, again.zeta) == pytest.approx((plant.K_L, plant.omega_n, plant.zeta))
         assert set(again.effects) == set(plant.effects)
+
+
+def test_what_a_moved_rig_file_names_is_still_found(tmp_path):
+    text = VIRTUAL.read_text().replace(
+        "server:\n", "server:\n  tls: {certificate: rig.pem, key: ../own/rig.key}\n", 1
+    )
+    source = tmp_path / "etc" / "rig.yaml"
+    for name in ("etc/rig.pem", "own/rig.key", "etc/rig.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "found").mkdir()
+    there = load_text(moved(text, load_rig(source), source, tmp_path / "found"), "moved", tmp_path / "found")
+    assert there.server.tls.certificate == str(tmp_path / "etc" / "rig.pem")
+    assert Path(there.server.tls.key).samefile(tmp_path / "own" / "rig.key")
 
 
 def test_a_speed_becomes_velocity_mode(tmp_path):

@@ -9,6 +9,7 @@ from seod.config.errors import ConfigErrors
 from seod.config.load import load_text
 from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.diagnose.report.page import page
@@ -58,9 +59,11 @@ def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, Ri
         OSError: A file cannot be written.
     """
     text = extended_rig(d, recording, rig)
+    if rig is not None and rig[1].simulation is not None:
+        text = moved(text, rig[1], rig[0], out)
+    config = load_text(text, RIG, out)
     (out / RIG).write_text(text, "utf-8")
     if rig is None or rig[1].simulation is None:
-        config = load_text(text, RIG, out)
         (out / DBC).write_text(dbc(config), "utf-8")
         (out / CAN_RIG).write_text(checked(on_can(text, config.loop.rate_hz), out), "utf-8")
 
