@@ -50,6 +50,8 @@ def diagnose(
         rig = None if config is None else (config, load(config))
         if rig is not None and axis is not None and axis not in rig[1].axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig[1].axes)}")
+        if rig is not None and axis is None and len(rig[1].axes) > 1:
+            raise CommandError(f"{config} has the axes {', '.join(rig[1].axes)}: choose one by --axis")
         wishes = Wishes(holdout or [], rig, out, axis, output, columns, units, as_json)
         try:
             show(run(paths, wishes))

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from seod.config.units import UNITS
 from seod.data import read
+from seod.data.units import BASE
 from seod.diagnose.command import Options, diagnose
 from seod.diagnose.progress import bar
-from seod.diagnose.report.files import REPORT, RIG, unit_of, write
+from seod.diagnose.report.files import REPORT, RIG, write
 from seod.diagnose.report.text import as_text
+from seod.diagnose.show.bootstrap import with_intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,13 +55,14 @@ def run(paths: Sequence[Path], wishes: Wishes) -> str:
     if wishes.out is not None:
         wishes.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
     with bar() as progress:
-        d = diagnose(recordings, holdout, options, progress)
-    told = [] if wishes.as_json else [as_text(d, unit_of(recordings[0], d))]
+        d = with_intervals(diagnose(recordings, holdout, options, progress))
+    unit = unit_of(recordings[0], d.output, config, wishes.axis)
+    told = [] if wishes.as_json else [as_text(d, unit)]
     if wishes.out is not None:
         rig = None
         if wishes.rig is not None:
             rig = (*wishes.rig, wishes.axis or next(iter(wishes.rig[1].axes)))
-        missing = write(wishes.out, d, [*recordings, *holdout], rig)
+        missing = write(wishes.out, d, unit, [*recordings, *holdout], rig)
         told += [f"! {each}" for each in missing] if not wishes.as_json else []
         told += [] if missing or wishes.as_json else [_written(wishes.out)]
     return json.dumps(d.as_json()) if wishes.as_json else "\n".join(told)
@@ -71,6 +74,16 @@ def output_of(recording: Recording, config: RigConfig | None, axis: str | None) 
     if dimension and dimension != "number":
         return "velocity" if dimension in _SPEEDS else "position"
     return "position" if config is None else config.axes[axis or next(iter(config.axes))].mode
+
+
+def unit_of(recording: Recording, output: Output, config: RigConfig | None, axis: str | None) -> str:
+    """Of y: as the file tells it, or in SI by the rig file's sensor; `unit` where nobody does."""
+    speed = "/s" if output == "velocity" else ""
+    if config is not None and not recording.units.get("y"):
+        own = config.axes[axis or next(iter(config.axes))]
+        base = BASE.get(config.sensors[own.sensor].dimension, "unit")
+        return f"{base.removesuffix('/s')}{speed}"
+    return recording.units.get("y", "") or f"unit{speed}"
 
 
 def _written(out: Path) -> str:

@@ -15,7 +15,8 @@ from seod.cli import app
 from seod.config.load import load_rig
 from seod.data import read
 from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.run import output_of
+from seod.diagnose.run import output_of, unit_of
+from seod.diagnose.show.bootstrap import with_intervals
 from seod.paths import configs_dir
 
 VIRTUAL = configs_dir() / "virtual.yaml"
@@ -65,8 +66,12 @@ def test_a_table_and_sentences(asked, recording):
 def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
     out = tmp_path / "found"
     result = typed(recording, "--json", "--out", out, "--holdout", recording)
-    assert json.loads(result.stdout) == answer.as_json()
-    assert json.loads((out / "diagnosis.json").read_text()) == answer.as_json()
+    told = json.loads(result.stdout)
+    assert told == with_intervals(answer).as_json()
+    assert json.loads((out / "diagnosis.json").read_text()) == told
+    low, high = told["baseline"]["holdout_ci95"]
+    assert 0.0 < low < told["baseline"]["holdout_nrmse"] < high
+    assert told["effects"][0]["share"] == pytest.approx(1.0, abs=0.01)
     assert len(asked[0][1]) == 1
 
 
@@ -108,6 +113,7 @@ def test_a_rig_on_a_bus_gets_its_dbc_beside_it(asked, recording, tmp_path):
     ("words", "said"),
     [
         (["{data}", "--config", VIRTUAL, "--axis", "roll"], "no axis 'roll'"),
+        (["{data}", "--config", configs_dir() / "seat-virtual.yaml"], "pitch, roll: choose one by --axis"),
         (["{data}.gone"], "run.csv.gone"),
         (["{data}", "--out", "{data}"], "File exists"),
     ],
@@ -127,6 +133,20 @@ def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
     monkeypatch.setattr(run_module, "diagnose", diagnose)
     result = typed(recording)
     assert (result.exit_code, result.stderr) == (1, "seod: run.csv: the command u never changes\n")
+
+
+def test_the_unit_is_the_files_then_that_of_the_rigs_sensor(recording):
+    bare = replace(read(recording), units={"y": ""})
+    for name, axis, unit in (
+        ("virtual", None, "rad"),
+        ("servo-virtual", None, "rad/s"),
+        ("seat-virtual", "pitch", "rad"),  # a scale in m, which a linkage makes an angle of
+    ):
+        config = load_rig(configs_dir() / f"{name}.yaml")
+        own = config.axes[axis or next(iter(config.axes))]
+        assert unit_of(bare, own.mode, config, axis) == unit
+    assert unit_of(bare, "velocity", None, None) == "unit/s"
+    assert unit_of(read(recording), "position", None, None) == "rad"
 
 
 def test_what_y_is_comes_from_its_unit_then_from_the_rig(recording):

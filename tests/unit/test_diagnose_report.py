@@ -16,16 +16,18 @@ from hypothesis import strategies as st
 
 from seod.diagnose.answer import Unexplained
 from seod.diagnose.report.chart import AFTER, Chart, Curve, Map, diverging, thinned
+from seod.diagnose.report.fields import _band
 from seod.diagnose.report.page import page
 from seod.diagnose.report.scale import covering
-from seod.diagnose.report.tables import share
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.words import headline
+from seod.diagnose.show.bootstrap import with_intervals
+from seod.diagnose.show.maps import Binned
 
 
 @pytest.fixture(scope="module")
 def found():
-    return example()
+    return with_intervals(example())
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +73,8 @@ def test_it_says_what_was_found(html, found):
     assert "level = 250.0 ± 5.0 rad/s^2" in html
     assert "cannot be told from load_spring" in html
     assert "seod simulate x" in html
-    assert "Without them zeta came out 50 % too high: 0.6 instead of 0.4." in html
-    assert html.count("<svg") == 12  # the command is not periodic: no harmonics, no phase
+    assert "zeta 50 % too high (0.6 instead of 0.4), omega_n right" in html
+    assert html.count("<svg") == 13  # the command is not periodic: no harmonics, no phase
 
 
 def test_a_clean_record_shows_one_model_and_no_causes():
@@ -80,6 +82,8 @@ def test_a_clean_record_shows_one_model_and_no_causes():
     html = page(clean, "rad", ["a.csv"])
     assert "Clean" in html
     assert "Causes, each" not in html
+    assert "<th>extended</th>" not in html
+    assert "extended" not in as_text(clean, "rad")
     assert not any(AFTER in picture for picture in pictures(html))
 
 
@@ -96,11 +100,41 @@ def test_the_terminal_gets_the_same(found):
     text = as_text(found, "rad")
     for each in ("coulomb_friction", "250.0 ± 5.0 rad/s^2", "0.4", "! Next experiment", "seod simulate x"):
         assert each in text
+    low, high = (100.0 * end for end in found.baseline.holdout_ci95)
+    assert f"[{low:.3g}, {high:.3g}]" in text
     json.dumps(found.as_json(), allow_nan=False)
 
 
 def test_the_only_cause_has_all_of_the_share(found):
-    assert share(found, found.effects[0]) == pytest.approx(1.0, abs=0.01)
+    assert found.share(found.effects[0]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_simulation_that_left_the_recording_is_not_drawn_over_it(found):
+    gone = replace(found, baseline=replace(found.baseline, diverged=True))
+    html = page(gone, "rad", ["a.csv"])
+    assert "leaves the recording" in html
+    assert "error of the baseline" not in next(p for p in pictures(html) if "in one simulation" in p)
+
+
+def test_a_command_that_repeats_itself_shows_harmonics_and_phase(found):
+    """Errors of odd and even harmonics, of 3 and 1 % of the measurement's fundamental."""
+    turn = 2.0 * np.pi * np.arange(2000) / 125.0
+    error = 0.03 * np.sin(3.0 * turn) + 0.01 * np.sin(2.0 * turn)
+    y = np.sin(turn)
+    windows = [
+        replace(w, u=np.sign(y), y=y, y_baseline=y - error, y_extended=y - 0.1 * error) for w in found.windows
+    ]
+    html = page(replace(found, windows=tuple(windows)), "rad", ["a.csv"])
+    assert html.count("<svg") == 15
+    assert "baseline: odd 3 %, even 1 %" in html
+    assert "extended: odd 0.3 %, even 0.1 %" in html
+
+
+def test_two_voltages_are_two_points_with_bars():
+    found = Binned(*(np.array([x, y]) for x, y in ((-0.5, 0.5), (1.0, 2.0), (0.0, 1.0), (2.0, 3.0))))
+    points, bars = _band(found, "baseline", AFTER)
+    assert points.dots
+    np.testing.assert_array_equal(bars.y, [0.0, 2.0, np.nan, 1.0, 3.0, np.nan])
 
 
 def test_a_dense_line_keeps_its_extremes():

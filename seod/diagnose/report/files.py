@@ -27,13 +27,18 @@ REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml",
 
 
 def write(
-    out: Path, d: Diagnosis, recordings: Sequence[Recording], rig: tuple[Path, RigConfig, str] | None
+    out: Path,
+    d: Diagnosis,
+    unit: str,
+    recordings: Sequence[Recording],
+    rig: tuple[Path, RigConfig, str] | None,
 ) -> list[str]:
     """Write all three; returns what could not be written, in sentences.
 
     Args:
         out: Folder; made where it is not there.
         d: The diagnosis.
+        unit: Of y.
         recordings: What it is of.
         rig: Rig file, what it says and the axis, if there is one.
 
@@ -42,7 +47,7 @@ def write(
     """
     out.mkdir(parents=True, exist_ok=True)
     sources = [path.name for recording in recordings for path in recording.paths]
-    (out / REPORT).write_text(page(d, unit_of(recordings[0], d), sources), "utf-8")
+    (out / REPORT).write_text(page(d, unit, sources), "utf-8")
     (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
     try:
         write_rig(out, d, recordings[0], rig)
@@ -81,8 +86,3 @@ def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig,
         return into_config(path.read_text("utf-8-sig"), config, axis, model)
     speed = d.output == "velocity"
     return new_rig_file(model, seen(recording, speed), speed, recording.paths[0].name)
-
-
-def unit_of(recording: Recording, d: Diagnosis) -> str:
-    """Of y; `unit` where the file tells none."""
-    return recording.units.get("y", "") or ("unit/s" if d.output == "velocity" else "unit")

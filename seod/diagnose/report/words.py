@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter
 
-_MUCH: Final = 0.1
-"""Relative change of zeta or omega_n that a sentence is spent on."""
+_LEAST: Final = 0.1
+"""Change of zeta, omega_n or K_L that is one [%]."""
 
 
 def headline(d: Diagnosis) -> str:
@@ -54,18 +54,27 @@ def _closed(sentence: str) -> str:
 
 
 def _plant(d: Diagnosis) -> Iterator[str]:
-    """Numbers of Eq. 1 that are wrong without the effects."""
+    """What Eq. 1 was taken for without the effects: how far off its numbers were."""
+    told = []
     for name, unit in (("zeta", ""), ("omega_n", " rad/s"), ("K_L", "")):
         before, after = getattr(d.baseline, name), getattr(d.extended, name)
-        if abs(after - before) > _MUCH * abs(after):
-            way = "high" if before > after else "low"
-            wrong = f"{100.0 * abs(before / after - 1.0):.0f} % too {way}"
-            yield f"Without them {name} came out {wrong}: {number(before)} instead of {number(after)}{unit}."
+        off = 100.0 * (before / after - 1.0)
+        wrong = (
+            f"{abs(off):.{0 if abs(off) >= 10.0 else 1}f} % too {'high' if off > 0.0 else 'low'}"
+            if abs(off) >= _LEAST
+            else "right"
+        )
+        told.append(f"{name} {wrong} ({number(before)} instead of {number(after)}{unit})")
+    yield f"Without them Eq. 1 comes out with {', '.join(told)}."
 
 
 def _left(d: Diagnosis) -> str:
     share = f"{100.0 * d.unexplained.fraction:.2g} % of the baseline's squared error above the noise"
-    on = d.unexplained.correlates_with
+    shares = d.unexplained.shares
+    on = [
+        f"{name} ({100.0 * shares[name]:.0f} % of the rest)" if name in shares else name
+        for name in d.unexplained.correlates_with
+    ]
     return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
 
 
