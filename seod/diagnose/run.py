@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from seod.config.units import UNITS
 from seod.data import read
 from seod.data.units import BASE
+from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.command import Options, diagnose
 from seod.diagnose.progress import bar
 from seod.diagnose.report.files import REPORT, RIG, write
@@ -20,8 +22,19 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.data import Recording
-    from seod.diagnose.answer import Output
+    from seod.diagnose.answer import Diagnosis, Output
+    from seod.diagnose.command import Progress
 
+_LEFT_OUT: Final = (
+    "duplicate",
+    "decreasing",
+    "infinite",
+    "several_commands",
+    "truncated",
+    "damaged",
+    "unread",
+)
+"""Problems of a file that the search for defects does not see, because the reader has left these rows out."""
 _SPEEDS: Final = ("angular speed", "speed")
 
 
@@ -55,7 +68,7 @@ def run(paths: Sequence[Path], wishes: Wishes) -> str:
     if wishes.out is not None:
         wishes.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
     with bar() as progress:
-        d = with_intervals(diagnose(recordings, holdout, options, progress))
+        d = with_intervals(_diagnosed(recordings, holdout, options, progress))
     unit = unit_of(recordings[0], d.output, config, wishes.axis)
     told = [] if wishes.as_json else [as_text(d, unit)]
     if wishes.out is not None:
@@ -66,6 +79,19 @@ def run(paths: Sequence[Path], wishes: Wishes) -> str:
         told += [f"! {each}" for each in missing] if not wishes.as_json else []
         told += [] if missing or wishes.as_json else [_written(wishes.out)]
     return json.dumps(d.as_json()) if wishes.as_json else "\n".join(told)
+
+
+def _diagnosed(
+    recordings: Sequence[Recording], holdout: Sequence[Recording], options: Options, progress: Progress
+) -> Diagnosis:
+    """The diagnosis, with what reading the files has left out."""
+    every = (*recordings, *holdout)
+    remarks = tuple(str(each) for one in every for each in one.problems if each.kind in _LEFT_OUT)
+    try:
+        d = diagnose(recordings, holdout, options, progress)
+    except DiagnoseError as error:
+        raise DiagnoseError("; ".join([str(error), *remarks])) from error
+    return replace(d, remarks=(*remarks, *d.remarks))
 
 
 def output_of(recording: Recording, config: RigConfig | None, axis: str | None) -> Output:

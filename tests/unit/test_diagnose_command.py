@@ -149,6 +149,23 @@ def test_the_unit_is_the_files_then_that_of_the_rigs_sensor(recording):
     assert unit_of(read(recording), "position", None, None) == "rad"
 
 
+def test_what_the_reader_left_out_is_told(asked, monkeypatch, recording, tmp_path):
+    lines = recording.read_text().splitlines()
+    twice = tmp_path / "twice.csv"
+    twice.write_text("\n".join([*lines[:300], lines[250], *lines[300:]]))
+    assert "row 301: column 't': goes back in time" in typed(twice).stdout
+    backwards = tmp_path / "backwards.csv"
+    backwards.write_text("\n".join([lines[0], *reversed(lines[1:])]))
+
+    def diagnose(recordings, *_):
+        raise DiagnoseError(f"has {len(recordings[0].t)} samples")
+
+    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    said = typed(backwards).stderr
+    assert "has 1 samples; " in said
+    assert "goes back in time" in said
+
+
 def test_what_y_is_comes_from_its_unit_then_from_the_rig(recording):
     servo = load_rig(configs_dir() / "servo-virtual.yaml")
     assert output_of(read(recording), servo, None) == "position"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -68,6 +69,35 @@ def test_a_new_rig_swings_as_the_recording(recorded, tmp_path):
     again = limit_cycle(tmp_path / "again.csv")
     assert again[0] == pytest.approx(frequency, rel=0.005)
     assert again[1] == pytest.approx(amplitude, rel=0.02)
+
+
+def test_a_relay_is_seen_between_rest_polarity_and_other_amplitudes(recorded):
+    relay = read(recorded, units="y=rad")
+    rest, pulse = np.zeros(9000), np.repeat([0.0, 0.3, 0.0, -0.3, 0.0], 200)
+    before, after = np.r_[rest, pulse], np.r_[0.2 * relay.u[:2000], rest, np.nan]
+    u = np.r_[before, relay.u, after]
+    y = np.r_[0.0 * before, relay.y, 0.2 * relay.y[:2000], 0.0 * rest, 0.0]
+    found = seen(replace(relay, t=np.arange(len(u)) / 2000.0, u=u, y=y, t_u=None), speed=False)
+    plain = seen(relay, speed=False)
+    assert (found.relay, found.e_a, found.bias) == (True, 0.5, 0.0)
+    assert found.hysteresis == pytest.approx(plain.hysteresis, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        0.5 * np.sin(np.arange(4000) / 30.0),
+        np.random.default_rng(1).normal(size=4000),
+        np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 80), 50),
+        np.repeat([0.0, 0.5, 0.0], 1000),
+        np.zeros(4000),
+    ],
+)
+def test_anything_else_is_no_relay(u, recorded):
+    t = np.arange(len(u)) / 1000.0
+    found = seen(replace(read(recorded), t=t, u=u, y=np.sin(t)), speed=False)
+    assert (found.relay, found.hysteresis) == (False, 0.0)
+    assert found.e_a == pytest.approx(0.5 * np.max(np.abs(u)))
 
 
 def test_it_matters_that_the_effects_are_in(recorded, tmp_path):

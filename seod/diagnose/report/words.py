@@ -11,10 +11,12 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter
+    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter, Score
 
 _LEAST: Final = 0.1
 """Change of zeta, omega_n or K_L that is one [%]."""
+_VAGUE: Final = 0.5
+"""Standard deviation of zeta or omega_n, over its value, from which on neither is told."""
 
 
 def headline(d: Diagnosis) -> str:
@@ -55,24 +57,36 @@ def _closed(sentence: str) -> str:
 
 def _plant(d: Diagnosis) -> Iterator[str]:
     """What Eq. 1 was taken for without the effects: how far off its numbers were."""
-    told = []
-    for name, unit in (("zeta", ""), ("omega_n", " rad/s"), ("K_L", "")):
-        before, after = getattr(d.baseline, name), getattr(d.extended, name)
-        off = 100.0 * (before / after - 1.0)
-        wrong = (
-            f"{abs(off):.{0 if abs(off) >= 10.0 else 1}f} % too {'high' if off > 0.0 else 'low'}"
-            if abs(off) >= _LEAST
-            else "right"
-        )
-        told.append(f"{name} {wrong} ({number(before)} instead of {number(after)}{unit})")
-    yield f"Without them Eq. 1 comes out with {', '.join(told)}."
+    names = {"zeta": "", "omega_n": " rad/s", "K_L": ""}
+    told = [_off(name, unit, d.baseline, d.extended) for name, unit in names.items()]
+    if any(told):
+        changed = [each or f"{name} right" for each, name in zip(told, names, strict=True)]
+        yield f"Without them Eq. 1 comes out with {', '.join(changed)}."
+    for which, score in (("baseline", d.baseline), ("extended model", d.extended)):
+        if any(score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n")):
+            rate = number(0.5 * score.omega_n / score.zeta)
+            yield f"Of the {which} only omega_n / (2 zeta) is told, {rate} 1/s: it is as good as a first-order lag."
+
+
+def _off(name: str, unit: str, baseline: Score, extended: Score) -> str:
+    """`zeta 50 % too high (0.6 instead of 0.4)`; "" where it is not off."""
+    before, after = getattr(baseline, name), getattr(extended, name)
+    off = 100.0 * (before / after - 1.0)
+    if abs(off) < _LEAST:
+        return ""
+    way = "high" if off > 0.0 else "low"
+    return f"{name} {_rounded(abs(off))} % too {way} ({number(before)} instead of {number(after)}{unit})"
+
+
+def _rounded(percentage: float) -> str:
+    return f"{percentage:.0f}" if percentage >= 10.0 else f"{percentage:.2g}"
 
 
 def _left(d: Diagnosis) -> str:
-    share = f"{100.0 * d.unexplained.fraction:.2g} % of the baseline's squared error above the noise"
+    share = f"{_rounded(100.0 * d.unexplained.fraction)} % of the baseline's squared error above the noise"
     shares = d.unexplained.shares
     on = [
-        f"{name} ({100.0 * shares[name]:.0f} % of the rest)" if name in shares else name
+        f"{name} ({_rounded(100.0 * shares[name])} % of the rest)" if name in shares else name
         for name in d.unexplained.correlates_with
     ]
     return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
