@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from diagnosis_example import example
+from diagnosis_example import FRICTION, example
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +20,7 @@ from seod.diagnose.report.fields import _band
 from seod.diagnose.report.page import page
 from seod.diagnose.report.scale import covering
 from seod.diagnose.report.text import as_text
-from seod.diagnose.report.words import headline
+from seod.diagnose.report.words import consequences, headline
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
 
@@ -94,6 +94,19 @@ def test_what_is_unexplained_is_not_sold_as_explained(found):
         rest, "rad"
     )
     assert "none of the known causes" in headline(replace(rest, effects=()))
+
+
+def test_a_first_order_lag_is_not_given_a_zeta(found):
+    score = replace(found.extended, omega_n=100.0, zeta=20.0, sd={"zeta": 700.0, "omega_n": 3500.0})
+    told = " ".join(consequences(replace(found, extended=score)))
+    assert "omega_n / (2 zeta) 1900 % too high (50 instead of 2.5)" in told
+    assert "Of the extended model only omega_n / (2 zeta) is told" in told
+    assert "zeta 5" not in told
+
+
+def test_defects_of_a_record_leave_the_plant_as_it_is(found):
+    same = replace(found, extended=replace(found.baseline, effects=FRICTION))
+    assert not any("Without them" in each for each in consequences(same))
 
 
 def test_the_terminal_gets_the_same(found):

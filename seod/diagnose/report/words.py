@@ -57,25 +57,35 @@ def _closed(sentence: str) -> str:
 
 def _plant(d: Diagnosis) -> Iterator[str]:
     """What Eq. 1 was taken for without the effects: how far off its numbers were."""
-    names = {"zeta": "", "omega_n": " rad/s", "K_L": ""}
-    told = [_off(name, unit, d.baseline, d.extended) for name, unit in names.items()]
-    if any(told):
-        changed = [each or f"{name} right" for each, name in zip(told, names, strict=True)]
+    vague = [which for which, score in (("baseline", d.baseline), ("extended", d.extended)) if _vague(score)]
+    before, after = _numbers(d.baseline, bool(vague)), _numbers(d.extended, bool(vague))
+    told = {name: _off(name, before[name], after[name]) for name in after}
+    if any(told.values()):
+        changed = [each or f"{name} right" for name, each in told.items()]
         yield f"Without them Eq. 1 comes out with {', '.join(changed)}."
-    for which, score in (("baseline", d.baseline), ("extended model", d.extended)):
-        if any(score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n")):
-            rate = number(0.5 * score.omega_n / score.zeta)
-            yield f"Of the {which} only omega_n / (2 zeta) is told, {rate} 1/s: it is as good as a first-order lag."
+    if vague:
+        models = " and the ".join(vague)
+        yield f"Of the {models} model only omega_n / (2 zeta) is told: as good as a first-order lag."
 
 
-def _off(name: str, unit: str, baseline: Score, extended: Score) -> str:
+def _vague(score: Score) -> bool:
+    return any(score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n"))
+
+
+def _numbers(score: Score, vague: bool) -> dict[str, float]:
+    """Those of Eq. 1 that the recording tells."""
+    if vague:
+        return {"omega_n / (2 zeta)": 0.5 * score.omega_n / score.zeta, "K_L": score.K_L}
+    return {"zeta": score.zeta, "omega_n": score.omega_n, "K_L": score.K_L}
+
+
+def _off(name: str, before: float, after: float) -> str:
     """`zeta 50 % too high (0.6 instead of 0.4)`; "" where it is not off."""
-    before, after = getattr(baseline, name), getattr(extended, name)
     off = 100.0 * (before / after - 1.0)
     if abs(off) < _LEAST:
         return ""
     way = "high" if off > 0.0 else "low"
-    return f"{name} {_rounded(abs(off))} % too {way} ({number(before)} instead of {number(after)}{unit})"
+    return f"{name} {_rounded(abs(off))} % too {way} ({number(before)} instead of {number(after)})"
 
 
 def _rounded(percentage: float) -> str:
