@@ -253,6 +253,11 @@ class Diagnosis:
     candidates: tuple[Candidate, ...] = ()
     remarks: tuple[str, ...] = ()
 
+    @property
+    def extends(self) -> bool:
+        """Whether what was found changes the simulation: defects of a record do not."""
+        return any(not np.array_equal(w.y_baseline, w.y_extended) for w in self.windows)
+
     def share(self, effect: FoundEffect) -> float:
         """Part of the baseline's held-out squared error above the noise that comes back without an effect."""
         above = self.baseline.holdout_nrmse**2 - self.noise_floor_nrmse**2

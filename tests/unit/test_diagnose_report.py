@@ -96,6 +96,17 @@ def test_what_is_unexplained_is_not_sold_as_explained(found):
     assert "none of the known causes" in headline(replace(rest, effects=()))
 
 
+def test_defects_of_the_record_are_not_sold_as_the_models(found):
+    outliers = replace(found.effects[0], name="outliers")
+    only = replace(found, effects=(outliers,))
+    assert headline(only).startswith("The recording has outliers; but for that the baseline explains it")
+    rest = replace(only, verdict="unexplained")
+    assert headline(rest).startswith("Unexplained: the baseline misses something")
+    both = replace(found, effects=(*found.effects, outliers))
+    assert headline(both).startswith("The baseline misses coulomb_friction: held-out")
+    assert all(headline(each).endswith("the recording has outliers.") for each in (rest, both))
+
+
 def test_a_first_order_lag_is_not_given_a_zeta(found):
     score = replace(found.extended, omega_n=100.0, zeta=20.0, sd={"zeta": 700.0, "omega_n": 3500.0})
     told = " ".join(consequences(replace(found, extended=score)))
@@ -166,6 +177,8 @@ def test_a_gap_breaks_the_line_but_not_the_picture():
     assert "nan" not in svg
     path = re.search(r'<path d="([^"]*)" fill="none"', svg).group(1)
     assert path.count("M") == 2
+    band = re.search(r'<path d="([^"]*)" fill="#', svg).group(1)
+    assert (band.count("M"), band.count("Z")) == (2, 2)
 
 
 def test_a_map_leaves_empty_cells_white():

@@ -90,7 +90,7 @@ def _correlated(p: Pictures, kind: str) -> float:
 
 def _acting(p: Pictures) -> Array | None:
     """What the measurement says of the causes that act on the load, windows end to end."""
-    if not p.extended:
+    if not p.diagnosis.extends:
         return None
     pieces = [acting(p.diagnosis, w) for w in p.windows]
     told = [each for each in pieces if each is not None]

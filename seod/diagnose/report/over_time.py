@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 WIDE: Final = 940.0
 _SHOWN: Final = 12.0
 """Periods of the plant's frequency that the overlay shows."""
+_BLOCKS: Final = 40
+"""In which errors are shown over time."""
 _MOST_WHOLE: Final = 4
 """Recordings that are drawn as a whole."""
 
@@ -32,7 +34,7 @@ def overlay(p: Pictures) -> str:
         Curve(t, window.y[piece], "measured", MEASURED, 2.6),
         Curve(t, window.y_baseline[piece], "baseline", BEFORE, 1.3),
     ]
-    if p.extended:
+    if p.diagnosis.extends:
         curves.append(Curve(t, window.y_extended[piece], "extended", AFTER, 1.3, "5 3"))
     title = "A held-out window, simulated from its beginning: where the baseline is at its worst"
     return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0).svg()
@@ -57,7 +59,7 @@ def wholes(p: Pictures) -> list[str]:
 def _whole(p: Pictures, k: int, one: Whole) -> str:
     d = p.diagnosis
     models: list[tuple[str, str, Score, Array]] = [("baseline", BEFORE, d.baseline, one.y_baseline)]
-    if p.extended:
+    if p.diagnosis.extends:
         models.append(("extended", AFTER, d.extended, one.y_extended))
     curves = [Curve(one.t, one.y - np.mean(one.y[np.isfinite(one.y)]), "measured, less its mean", "#bbbbbb")]
     for label, colour, score, simulated in models:
@@ -68,12 +70,14 @@ def _whole(p: Pictures, k: int, one: Whole) -> str:
     return Chart(title, "t [s]", f"[{p.unit}]", curves, WIDE, 220.0).svg()
 
 
-def over_windows(p: Pictures) -> str:
-    """Rms error of each window, by its place in the recording."""
-    middle = np.array([float(np.mean(w.t)) for w in p.windows])
-    curves = [Curve(middle, _rms(p, left), label, colour, dots=True) for label, colour, left in p.models]
-    curves.append(Curve(middle, np.array([p.noise(w) for w in p.windows]), "noise", FLOOR, dash="4 3"))
-    title = "Over time: rms error of each held-out window"
+def over_blocks(p: Pictures) -> str:
+    """Rms error of blocks of the windows, by their place in the recording."""
+    parts = -(-_BLOCKS // len(p.windows))
+    middle = np.concatenate([[np.mean(b) for b in np.array_split(w.t, parts)] for w in p.windows])
+    curves = [Curve(middle, _rms(left, parts), label, colour, dots=True) for label, colour, left in p.models]
+    noise = np.repeat([p.noise(w) for w in p.windows], parts)
+    curves.append(Curve(middle, noise, "noise", FLOOR, dash="4 3"))
+    title = "Over time: rms error within the held-out windows"
     return Chart(title, "t [s]", f"[{p.unit}]", curves, log_y=True).svg()
 
 
@@ -84,10 +88,15 @@ def _piece(p: Pictures, at: int) -> slice:
     return slice(max(0, rows - max(most, 50)), rows)
 
 
-def _rms(p: Pictures, left: Sequence[Residual]) -> Array:
-    pairs = zip(p.windows, left, strict=True)
-    return np.array([math.sqrt(float(np.nanmean(r.error[w.scored] ** 2))) for w, r in pairs])
+def _rms(left: Sequence[Residual], parts: int = 1) -> Array:
+    """Of each window, or of so many parts of each; nan where no sample is."""
+    blocks = [block for r in left for block in np.array_split(r.error, parts)]
+    return np.array([math.sqrt(np.nanmean(b**2)) if np.isfinite(b).any() else math.nan for b in blocks])
 
 
 def _worst(p: Pictures) -> int:
-    return int(np.argmax(_rms(p, p.before)))
+    scored = [
+        r._replace(error=np.where(w.scored, r.error, np.nan))
+        for w, r in zip(p.windows, p.before, strict=True)
+    ]
+    return int(np.nanargmax(_rms(scored)))

@@ -41,15 +41,10 @@ class Pictures:
         return [residual(w, w.y_extended, d.baseline, d.output) for w in self.windows]
 
     @property
-    def extended(self) -> bool:
-        """Whether there is more than the baseline to show."""
-        return bool(self.diagnosis.effects)
-
-    @property
     def models(self) -> list[tuple[str, str, list[Residual]]]:
         """Name, colour and residuals of each model that is shown."""
         shown = [("baseline", BEFORE, self.before)]
-        return [*shown, ("extended", AFTER, self.after)] if self.extended else shown
+        return [*shown, ("extended", AFTER, self.after)] if self.diagnosis.extends else shown
 
     @property
     def tick(self) -> float:

@@ -7,7 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from seod.diagnose.report.words import interval, percent, what_it_is
-from seod.text import number
+from seod.text import number, with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "") ->
 def figures(d: Diagnosis, unit: str) -> str:
     """Errors and the plant's numbers, before and, if anything was found, after."""
     base = escape(unit.removesuffix("/s"))
-    models = [("baseline", d.baseline), ("extended", d.extended)][: 2 if d.effects else 1]
+    models = [("baseline", d.baseline), ("extended", d.extended)][: 2 if d.extends else 1]
     told: list[tuple[str, Callable[[Score], str]]] = [
         ("held-out error (NRMSE)", _held_out),
         ("whole recording in one simulation", _whole),
@@ -50,8 +50,7 @@ def _whole(score: Score) -> str:
 
 def _value(score: Score, name: str) -> str:
     value, sd = getattr(score, name), score.sd.get(name)
-    wide = f" <small>± {number(1.96 * sd, 2)}</small>" if sd else ""
-    return f"{number(value, 5)}{wide}"
+    return with_sd(value, 1.96 * sd) if sd else number(value, 5)
 
 
 def effects(d: Diagnosis, unit: str) -> str:
@@ -91,7 +90,7 @@ def ranking(d: Diagnosis) -> str:
         ]
         for each in d.candidates
     ]
-    return table(["cause, alone", "gain", "held-out error with it"], rows, "ranking")
+    return table(["cause, alone", "gain in the windows fitted", "error that it would leave"], rows, "ranking")
 
 
 def _bar(part: float, chosen: bool) -> str:

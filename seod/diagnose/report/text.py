@@ -35,7 +35,7 @@ def _figures(d: Diagnosis) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
     for title in ("", "held-out error [95 %]", "whole", "omega_n [rad/s]", "zeta", "K_L"):
         table.add_column(escape(title), justify="right" if title else "left", no_wrap=True)
-    models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.effects else 1]
+    models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
     for title, score in models:
         table.add_row(title, *_score(score))
     table.add_row("noise", percent(d.noise_floor_nrmse))
@@ -46,7 +46,9 @@ def _score(score: Score) -> list[str]:
     whole = "leaves it" if score.diverged else percent(score.whole_nrmse)
     low, high = score.holdout_ci95
     wide = f" [{100.0 * low:.3g}, {100.0 * high:.3g}]" if math.isfinite(high) else ""
-    values = [with_sd(getattr(score, name), score.sd.get(name)) for name in ("omega_n", "zeta", "K_L")]
+    values = [
+        with_sd(getattr(score, name), 1.96 * score.sd.get(name, 0.0)) for name in ("omega_n", "zeta", "K_L")
+    ]
     return [escape(f"{percent(score.holdout_nrmse)}{wide}"), whole, *values]
 
 

@@ -21,15 +21,24 @@ _VAGUE: Final = 0.5
 
 def headline(d: Diagnosis) -> str:
     """The diagnosis in one sentence."""
-    names = ", ".join(effect.name for effect in d.effects)
+    missed, has = _listed(d, of_record=False), _listed(d, of_record=True)
+    recording = f"; the recording has {has}" if has else ""
     if d.verdict == "clean":
         return "Clean: the baseline explains the recording down to its noise."
-    if not d.effects:
-        return "Unexplained: the baseline misses something that none of the known causes explains."
+    if not missed and d.verdict == "effects":
+        return f"The recording has {has}; but for that the baseline explains it down to its noise."
+    if not missed:
+        what = "the baseline misses something that none of the known causes explains"
+        return f"Unexplained: {what}{recording}."
     before, after = percent(d.baseline.holdout_nrmse), percent(d.extended.holdout_nrmse)
     numbers = f"held-out error {before} before, {after} after, noise {percent(d.noise_floor_nrmse)}"
     rest = "" if d.verdict == "effects" else ", but that is not all"
-    return f"The baseline misses {names}{rest}: {numbers}."
+    return f"The baseline misses {missed}{rest}: {numbers}{recording}."
+
+
+def _listed(d: Diagnosis, *, of_record: bool) -> str:
+    """Names of the effects that are defects of the record, or of those that are none."""
+    return ", ".join(e.name for e in d.effects if (EFFECTS[e.name].enters == "record") is of_record)
 
 
 def consequences(d: Diagnosis) -> Iterator[str]:
