@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -12,6 +13,7 @@ from seod.data.units import BASE
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.command import Options, diagnose
 from seod.diagnose.progress import bar
+from seod.diagnose.recorded import telling_part
 from seod.diagnose.report.files import REPORT, RIG, write
 from seod.diagnose.report.text import as_text
 from seod.diagnose.show.bootstrap import with_intervals
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from seod.data import Recording
     from seod.diagnose.answer import Diagnosis, Output
     from seod.diagnose.command import Progress
+    from seod.diagnose.recorded import Part
 
 _LEFT_OUT: Final = (
     "duplicate",
@@ -48,6 +51,7 @@ class Wishes(NamedTuple):
     output: Output | None = None
     columns: str = ""
     units: str = ""
+    between: tuple[float, float] | None = None
     as_json: bool = False
 
 
@@ -59,16 +63,19 @@ def run(paths: Sequence[Path], wishes: Wishes) -> str:
         DiagnoseError: A recording tells nothing.
         OSError: The folder cannot be written.
     """
-    recordings, holdout = (
-        [read(path, wishes.columns, wishes.units, wishes.axis) for path in some]
-        for some in (paths, wishes.holdout)
-    )
+    parts = [None if wishes.between else _part(path, wishes.axis) for path in paths]
+    recordings = [
+        read(path, wishes.columns, wishes.units, wishes.axis, between=part[:2] if part else wishes.between)
+        for path, part in zip(paths, parts, strict=True)
+    ]
+    holdout = [read(path, wishes.columns, wishes.units, wishes.axis) for path in wishes.holdout]
     config = wishes.rig[1] if wishes.rig is not None else None
     options = Options(wishes.output or output_of(recordings[0], config, wishes.axis), config, wishes.axis)
     if wishes.out is not None:
         wishes.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
     with bar() as progress:
         d = with_intervals(_diagnosed(recordings, holdout, options, progress))
+    d = replace(d, remarks=(*_cut_short(paths, parts), *d.remarks))
     unit = unit_of(recordings[0], d.output, config, wishes.axis)
     told = [] if wishes.as_json else [as_text(d, unit)]
     if wishes.out is not None:
@@ -79,6 +86,24 @@ def run(paths: Sequence[Path], wishes: Wishes) -> str:
         told += [f"! {each}" for each in missing] if not wishes.as_json else []
         told += [] if missing or wishes.as_json else [_written(wishes.out)]
     return json.dumps(d.as_json()) if wishes.as_json else "\n".join(told)
+
+
+def _part(path: Path, axis: str | None) -> Part | None:
+    return telling_part(path, axis) if path.suffix == ".mcap" else None
+
+
+def _cut_short(paths: Sequence[Path], parts: Sequence[Part | None]) -> list[str]:
+    """What is said of recordings that are diagnosed in part."""
+    return [
+        f"{path.name}: {part.why} from t = {part.start:.2f} s{_until(part.end)}: only that is diagnosed; "
+        "--between FROM:TO takes another part"
+        for path, part in zip(paths, parts, strict=True)
+        if part is not None
+    ]
+
+
+def _until(end: float) -> str:
+    return f" to {end:.2f} s" if math.isfinite(end) else " on"
 
 
 def _diagnosed(
