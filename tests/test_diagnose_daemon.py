@@ -46,9 +46,9 @@ def test_what_the_daemon_records_names_what_is_hidden_in_the_rig(tmp_path: Path)
 def test_a_rig_that_changes_while_it_runs_is_told_and_found_in_the_recording(tmp_path: Path) -> None:
     config, recording = write_serial_rig(tmp_path), tmp_path / "run.mcap"
     rig = Program(tmp_path / "rig.log", "rig", config)
+    door, port = Rpc(rig.ready()["control_port"]), port_of(config)
     daemon = Program(tmp_path / "daemon.log", "run", config, "--record", recording)
     try:
-        door, port = Rpc(rig.ready()["control_port"]), port_of(config)
         until("the port", lambda: port_open(port) or daemon.process.poll() is not None)
         rpc = Rpc(port)
         changed, last = _change(rpc, door)
@@ -62,7 +62,7 @@ def test_a_rig_that_changes_while_it_runs_is_told_and_found_in_the_recording(tmp
     part = telling_part(recording, None)
     assert part is not None
     assert part.why == "the rig had left its model"
-    assert changed < part.start < part.end <= last
+    assert changed < part.start < last <= part.end
 
 
 def _change(rpc: Rpc, door: Rpc) -> tuple[float, float]:
