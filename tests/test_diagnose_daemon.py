@@ -43,6 +43,22 @@ def test_what_the_daemon_records_names_what_is_hidden_in_the_rig(tmp_path: Path)
     seod("simulate", found / "extended.yaml", "--out", tmp_path / "again.csv", "--duration", 1)
 
 
+def test_a_recording_of_a_changed_rig_is_told_apart_from_the_old_model(tmp_path: Path) -> None:
+    """The rig has friction that the replaying daemon's model has not; the recording says so, and why."""
+    rig, recording, again = write_rig_file(tmp_path), tmp_path / "run.mcap", tmp_path / "again.mcap"
+    old = rig.read_text()
+    rig.write_text(edited(old, {("simulation", "plants", "motor", "effects"): FRICTION}))
+    seod("run", rig, "--start", "--for", 9, "--record", recording)
+    replay = {"kind": "replay", "file": str(recording), "realtime": True}
+    rig.write_text(edited(old, {("driver",): replay}))
+    seod("run", rig, "--for", 11, "--record", again)
+    part = telling_part(again, None)
+    assert part is not None
+    assert part.why == "the rig had left its model"
+    answer = json.loads(seod("diagnose", again, "--json"))
+    assert "coulomb_friction" in [each["name"] for each in answer["effects"]], answer
+
+
 def test_a_rig_that_changes_while_it_runs_is_told_and_found_in_the_recording(tmp_path: Path) -> None:
     config, recording = write_serial_rig(tmp_path), tmp_path / "run.mcap"
     rig = Program(tmp_path / "rig.log", "rig", config)

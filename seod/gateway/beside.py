@@ -10,6 +10,7 @@ from seod.beside.judge import ModelError, Verdict, judge
 from seod.beside.models import model_of, nominal_pressure, plant_of
 from seod.config.resolution import resolution_of
 from seod.gateway.stretches import Stretches
+from seod.text import number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -117,7 +118,7 @@ def _resolution(config: RigConfig, axis: str) -> float:
 
 
 def _sentence(error: ModelError, left: bool) -> str:
-    numbers = f"error {100.0 * error.nrmse:.2g} % of the movement, statistic {error.statistic:.3g}"
+    numbers = f"error {number(100.0 * error.nrmse, 3)} % of the movement, statistic {error.statistic:.3g}"
     if left:
         return f"the rig has left its model ({numbers}); `seod diagnose` on a recording says why"
     return f"the model holds again ({numbers})"
