@@ -6,7 +6,7 @@ import math
 from html import escape
 from typing import TYPE_CHECKING
 
-from seod.diagnose.report.words import interval, percent, what_it_is
+from seod.diagnose.report.words import interval, of_record, percent, what_it_is
 from seod.text import number, with_sd
 
 if TYPE_CHECKING:
@@ -69,13 +69,12 @@ def _effect(d: Diagnosis, effect: FoundEffect, unit: str) -> list[str]:
     base = unit.removesuffix("/s")
     values = [f"{escape(name)} = {escape(interval(p, base))}" for name, p in effect.parameters.items()]
     gain = effect.gain
-    p = "&lt; 0.0001" if effect.p_value < 1e-4 else number(effect.p_value, 2)
+    told = [f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}", f"{100.0 * d.share(effect):.0f} %"]
     return [
         f"<b>{escape(effect.name)}</b><br><small>{escape(what_it_is(effect))}</small>",
         "<br>".join(values),
-        f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}",
-        f"{100.0 * d.share(effect):.0f} %",
-        p,
+        *(["in no figure", "-"] if of_record(effect) else told),
+        "&lt; 0.0001" if effect.p_value < 1e-4 else number(effect.p_value, 2),
     ]
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from seod.diagnose.report.words import consequences, headline, interval, percent
+from seod.diagnose.report.words import consequences, headline, interval, of_record, percent
 from seod.text import number, with_sd
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def _effects(d: Diagnosis, unit: str) -> Table:
     for title in ("cause", "parameter", "95 % interval", "error without it", "share", "p"):
         table.add_column(title)
     for effect in d.effects:
-        first = [effect.name, percent(effect.gain.nrmse_without), f"{100.0 * d.share(effect):.0f} %"]
+        told = [percent(effect.gain.nrmse_without), f"{100.0 * d.share(effect):.0f} %"]
+        first = [effect.name, *(["in no figure", "-"] if of_record(effect) else told)]
         rest = [*first[1:], number(effect.p_value, 2)]
         for k, (name, parameter) in enumerate(effect.parameters.items()):
             row = [first[0] if k == 0 else "", name, interval(parameter, unit)]

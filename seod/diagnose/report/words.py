@@ -21,7 +21,7 @@ _VAGUE: Final = 0.5
 
 def headline(d: Diagnosis) -> str:
     """The diagnosis in one sentence."""
-    missed, has = _listed(d, of_record=False), _listed(d, of_record=True)
+    missed, has = _listed(d, defects=False), _listed(d, defects=True)
     recording = f"; the recording has {has}" if has else ""
     if d.verdict == "clean":
         return "Clean: the baseline explains the recording down to its noise."
@@ -36,9 +36,14 @@ def headline(d: Diagnosis) -> str:
     return f"The baseline misses {missed}{rest}: {numbers}{recording}."
 
 
-def _listed(d: Diagnosis, *, of_record: bool) -> str:
+def of_record(effect: FoundEffect) -> bool:
+    """Whether it is a defect of the record: samples that were left out of all figures."""
+    return EFFECTS[effect.name].enters == "record"
+
+
+def _listed(d: Diagnosis, *, defects: bool) -> str:
     """Names of the effects that are defects of the record, or of those that are none."""
-    return ", ".join(e.name for e in d.effects if (EFFECTS[e.name].enters == "record") is of_record)
+    return ", ".join(each.name for each in d.effects if of_record(each) is defects)
 
 
 def consequences(d: Diagnosis) -> Iterator[str]:
