@@ -113,6 +113,8 @@ def test_a_first_order_lag_is_not_given_a_zeta(found):
     assert "omega_n / (2 zeta) 1900 % too high (50 instead of 2.5)" in told
     assert "Of the extended model only omega_n / (2 zeta) is told" in told
     assert "zeta 5" not in told
+    unsure = replace(score, zeta=0.5)
+    assert "only omega_n" not in " ".join(consequences(replace(found, extended=unsure)))
 
 
 def test_defects_of_a_record_leave_the_plant_as_it_is(found):
