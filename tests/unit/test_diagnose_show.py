@@ -10,6 +10,7 @@ from diagnosis_example import K_L, LEVEL, NOISE, OMEGA_N, RATE, ZETA, example
 from numpy.testing import assert_allclose
 
 from seod.diagnose.answer import Score
+from seod.diagnose.report.checks import _phase
 from seod.diagnose.show.acting import acting
 from seod.diagnose.show.bootstrap import interval
 from seod.diagnose.show.distortion import harmonics, period
@@ -144,6 +145,16 @@ def test_odd_and_even_harmonics_are_told_apart():
     even = harmonics([np.sin(turn) + 0.1 * np.sin(2 * turn) + 0.01 * t], 161.3)
     assert_allclose(odd.amplitude[:4], [1.0, 0.0, 0.1, 0.0], atol=1e-9)
     assert_allclose(even.amplitude[:4], [1.0, 0.1, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [161.3, 40.0])
+def test_the_phase_of_a_cycle_begins_where_the_relay_switches_up(length):
+    rows = np.arange(2000)
+    begun = 0.37 * length
+    turn = ((rows - begun) / length) % 1.0
+    told = _phase(np.where(turn < 0.5, 0.5, -0.5), length)
+    off = (told - turn + 0.5) % 1.0 - 0.5
+    assert np.max(np.abs(off)) < 0.02
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,9 @@ def _plant(d: Diagnosis) -> Iterator[str]:
 
 def _vague(score: Score) -> bool:
     """Whether the plant is so damped that its two poles cannot be told apart."""
-    return score.zeta > 1.0 and any(score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n"))
+    return score.zeta > 1.0 and any(
+        score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n")
+    )
 
 
 def _numbers(score: Score, vague: bool) -> dict[str, float]:
