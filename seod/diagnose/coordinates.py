@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 Values = dict[str, float]
-"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; `*K_L`, `*omega_n`, `*zeta` of starts multiply these."""
+"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
 
 HELD: Final = ({"*K_L": 2.0, "*zeta": 0.5}, {"*K_L": 2.0, "*zeta": 2.0})
 """Factors where a baseline took friction for little gain: damped little, and much."""
