@@ -3,9 +3,9 @@
     python bench/real_rigs.py FOLDER [--rig chirp|positioning]
 
 FOLDER holds `servohydraulic_chirp.csv.gz` and `electromechanical_positioning.csv.gz`; without it nothing is
-done. First what `seod diagnose` finds; then effects that are given here, by least squares on the whole record:
-fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and of the whole
-record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
+done. First what `seod diagnose` finds; then effects that are given here, by least squares on the whole
+record: fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and
+of the whole record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
 """
 
 from __future__ import annotations

@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosis_example import K_L, LEVEL, command, example, simulate
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seod.diagnose.run as run_module
 from seod.cli import app
+from seod.commands.common import rising
 from seod.config.load import load_rig
 from seod.data import read
 from seod.diagnose.answer import DiagnoseError
@@ -124,6 +127,27 @@ def test_refusals_name_the_place(asked, recording, words, said):
     assert said in result.stderr
     assert result.stdout == ""
     assert asked == []
+
+
+@pytest.mark.parametrize("text", ["", "3", "2:1", "1:1", "a:b", "1:2:3", "nan:4", "0:nan"])
+def test_a_part_that_is_none_is_refused(asked, recording, text):
+    result = typed(recording, "--between", text)
+    assert (result.exit_code, asked) == (1, [])
+    assert f"--between {text}: give two rising numbers" in result.stderr
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
+def test_any_two_rising_numbers_are_a_part(low, width):
+    assert rising(f"{low!r}:{low + width!r}", "--between") == (low, low + width)
+
+
+def test_only_the_part_that_is_asked_for(asked, recording):
+    typed(recording, "--between", "0.1:0.3")
+    t = asked[0][0][0].t
+    assert 0.1 <= t[0] < t[-1] <= 0.3
+    result = typed(recording, "--between", "90:99")
+    assert result.exit_code == 1
+    assert "run.csv" in result.stderr
 
 
 def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
