@@ -19,9 +19,10 @@ Array = np.ndarray
 
 MEMORY = 40.0
 """Time constants after which nothing of a spool's place is left: less than a double's rounding."""
-START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged")
+START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged", "loose")
 """Columns of a window's initial state: as in `sim.state`, but the second inertia's relative to the first, and
-what is behind the sensor's lag relative to where it would be had the speed been steady."""
+what is behind the sensor's lag relative to where it would be had the speed been steady; the last is how far
+the load is from the flank of its play that it runs against [unit]."""
 
 
 @compiled
@@ -53,7 +54,7 @@ def follow_windows(
         warmth: Temperature above nominal [K], shape (n,) or (0,).
         first: First row of each window, ascending, shape (w,).
         last: Row after its last, at most the next window's first.
-        start: Initial states, `START`, shape (w, 6).
+        start: Initial states, `START`, shape (w, 7).
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
         inside: Pressure, velocity and position likewise, shape (n, 3), or (0, 3).
     """
@@ -108,7 +109,8 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
     if s.velocity == 0.0 and dry_friction(p):
         s.motion = 0.0
     s.stopped = s.bristle = 0.0
-    s.followed = s.position - math.copysign(0.5 * p.backlash_gap, s.velocity)
+    loose = min(max(start[6], 0.0), p.backlash_gap)
+    s.followed = s.position - math.copysign(0.5 * p.backlash_gap - loose, s.velocity)
     steady = s.velocity - p.sensor_lag_time * s.pressure
     if not p.measures_speed:
         steady = rippled(p, s.followed) - p.sensor_lag_time * s.velocity

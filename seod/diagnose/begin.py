@@ -12,11 +12,13 @@ from seod.diagnose.coordinates import Scales
 from seod.diagnose.fit import fit
 from seod.diagnose.linear import linear_gain
 from seod.diagnose.model import BASE, baseline_model
-from seod.diagnose.simulate import STATES, inside
+from seod.diagnose.simulate import LOOSE, STATES, inside
 from seod.diagnose.windows import Cut, dominant_hz, pieces, sample, undivided
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from numpy.typing import NDArray
 
     from seod.diagnose.answer import Array
     from seod.diagnose.fit import Each, Fitted
@@ -39,7 +41,7 @@ SHORT_ROWS: Final = 100
 
 
 def measured_places(cut: Cut) -> Array:
-    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 6)."""
+    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 7)."""
     start = np.zeros((len(cut.windows), STATES))
     for w, (k, first, last) in enumerate(cut.windows):
         one = cut.series[k]
@@ -54,15 +56,18 @@ def _travelled(one: Series) -> Array:
 
 
 def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
-    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 6)."""
+    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 7)."""
     start = measured_places(cut)
     record = model.record(x)
     for k in {of for of, _, _ in cut.windows}:
         whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
-        _, states = inside(record, whole, measured_places(whole))
+        seen, states = inside(record, whole, measured_places(whole))
+        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
         for w, (of, first, _) in enumerate(cut.windows):
             if of == k:
                 start[w, :2] = states[first, :2]
+                start[w, LOOSE] = loose[first]
+                start[w, 2] += states[first, 2] - seen[first] if loose.any() else 0.0
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -83,6 +88,13 @@ class Begun(NamedTuple):
     near: Fitted
     whole: Fitted
     damped: Fitted
+
+
+def _loose(record: NDArray[np.void], seen: Array, states: Array) -> Array:
+    """How far the load is from the flank of its play that it runs against, by the position that is seen."""
+    gap = float(record["backlash_gap"][0])
+    flank = 0.5 * gap - np.copysign(1.0, states[:, 1]) * (states[:, 2] - seen)
+    return np.asarray(np.clip(np.nan_to_num(flank), 0.0, gap))
 
 
 def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map) -> Begun:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from seod.diagnose.normal import Normal, Table
-from seod.diagnose.simulate import simulate
+from seod.diagnose.simulate import LOOSE, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -47,7 +47,7 @@ class Fitted:
         model: It.
         cut: The windows.
         x: Searched numbers, shape (p,).
-        start: Initial states, shape (w, 6).
+        start: Initial states, shape (w, 7).
         error: Mean squared error of each window, shape (w,).
         cost: Mean of the windows' log errors, by rows.
         curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
@@ -161,6 +161,7 @@ class Search:
         A window that its new initial state makes worse keeps the old one.
         """
         new = start + states
+        new[:, LOOSE] = np.maximum(new[:, LOOSE], 0.0)  # no further than the flank of a play
         residual, now = self.tried(x, new)
         worse = ~(now < error)
         if worse.any():
@@ -200,7 +201,7 @@ class Search:
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
-    """Initial states fitted to these `rows` only, the parameters given; shape (w, 6)."""
+    """Initial states fitted to these `rows` only, the parameters given; shape (w, 7)."""
     search = Search(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows
     search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])

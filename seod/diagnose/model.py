@@ -27,6 +27,8 @@ QUICK: Final = 1.0
 STABLE: Final = 1.5
 """A pole that decays within a tick need not be followed: above `QUICK` times the sampling rate substeps grow,
 as far as the method is stable."""
+PLACED: Final = {"position_ripple", "load_spring"}
+"""Effects that show in a speed where the load is."""
 BASE: Final = ("K_L", "omega_n", "zeta")
 
 
@@ -54,16 +56,17 @@ class Model:
     def states(self) -> list[int]:
         """Columns of a window's initial state that are free."""
         on = {*self.names, *self.fixed}
-        place = [] if self.sees_speed else [2]
+        place = [] if self.sees_speed and not on & PLACED else [2]
+        loose = [6] if "backlash" in on else []
         second = [3, 4] if "load_resonance" in on else []
-        return [0, 1, *place, *second, *([5] if "sensor_lag" in on else [])]
+        return [0, 1, *place, *second, *([5] if "sensor_lag" in on else []), *loose]
 
     @property
     def state_sizes(self) -> Array:
-        """A small change of each column of an initial state, shape (6,)."""
+        """A small change of each column of an initial state, shape (7,)."""
         s = self.scales
         reading = s.speed if self.sees_speed else s.swing
-        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading]
+        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading, s.swing]
         return 1e-3 * np.maximum(sizes, 1e-12)
 
     def values(self, x: Array) -> Values:

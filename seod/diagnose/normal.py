@@ -75,7 +75,7 @@ class Normal:
     def step(
         self, damping: float, low: Array, high: Array, right: Array | None = None
     ) -> tuple[Array, Array]:
-        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 6).
+        """Of the searched numbers within bounds, and of all windows' initial states, shape (w, 7).
 
         `right` is in place of the residual's products.
         """

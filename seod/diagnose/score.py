@@ -33,7 +33,7 @@ class HeldOut:
         cut: The windows.
         simulated: As measured.
         states: Pressure, velocity, position, shape (n, 3).
-        start: Initial states, shape (w, 6).
+        start: Initial states, shape (w, 7).
         scored: Rows that count: samples after the window's first fifth.
     """
 

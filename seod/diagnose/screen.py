@@ -57,7 +57,7 @@ class Screen:
     budget: Budget
 
     def start(self, parent: Model, x: Array) -> Array:
-        """Initial states on `cut` for a model fitted elsewhere, shape (w, 6)."""
+        """Initial states on `cut` for a model fitted elsewhere, shape (w, 7)."""
         return settle(parent, self.cut, x, simulated_states(parent, x, self.cut), self.cut.good)
 
     def extended(self, parent: Fitted, causes: Sequence[str]) -> list[Fitted]:

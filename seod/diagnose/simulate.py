@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from seod.diagnose.windows import Cut
 
 STATES = len(START)
+LOOSE = START.index("loose")
 _NOTHING = np.empty((0, 3))
 
 
 def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
-    """What is measured, windows end to end, from initial states of shape (w, 6)."""
+    """What is measured, windows end to end, from initial states of shape (w, 7)."""
     return _run(record, cut, start, states=False)[0]
 
 

@@ -92,7 +92,7 @@ def test_initial_states_are_fitted_to_the_rows_given(clean):
     _, held = clean
     model = baseline_model(SIZES, 1.0, False, {})
     x = model.searched(TRUTH)
-    start = settle(model, held, x, np.zeros((len(held.windows), 6)), held.started())
+    start = settle(model, held, x, np.zeros((len(held.windows), 7)), held.started())
     exact = simulated_states(model, x, held)
     assert np.max(np.abs(start[:, 1] - exact[:, 1])) < 0.1 * SIZES.speed
 

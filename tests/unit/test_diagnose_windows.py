@@ -120,7 +120,7 @@ def test_windows_begin_where_the_plant_written_apart_is():
         states[k] = truth.w[[ACCELERATION, SPEED, PLACE]]
     one = series(recording(u, y, noise=0.0))
     windows = Cut([one], ((0, 150, 260), (0, 320, 500)))
-    start = np.zeros((2, 6))
+    start = np.zeros((2, 7))
     start[:, :3] = states[[150, 320]]
     record = parameters(K_L, OMEGA_N, ZETA, effects)
     rows = np.r_[150:260, 320:500]
