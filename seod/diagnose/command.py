@@ -143,7 +143,7 @@ def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
-    for one in (begun.near, begun.whole, begun.damped):
+    for one in (begun.near, begun.whole, begun.swung):
         if all(_differ(one, root) for root in roots):
             other = replace(one.model, scales=sizes)
             nothing = np.zeros(len(one.x), np.bool_)
