@@ -208,7 +208,7 @@ def go(p, m, w, until, longest, supply, gust, k):
 def run(p, m, w, t, u, kind, c, noise, supply, gusts, latency, longest, y):
     """Rows of a record: fills `y`, and `u` unless it is given. `c` is the controller's.
 
-    Relay: amplitude, bias, cycles, reference; servo: gain, and the references in `u`.
+    Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
     k4, memory, given = np.zeros((3, 8)), np.zeros(8), 0
     for k in range(len(t)):

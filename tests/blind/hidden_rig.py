@@ -122,7 +122,7 @@ class Drive:
 
     kind: int
     u: np.ndarray
-    settings: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    settings: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, latency=0.0, seen_at=None):
