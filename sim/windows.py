@@ -17,6 +17,8 @@ from sim.runs import condition
 
 Array = np.ndarray
 
+MEMORY = 40.0
+"""Time constants after which nothing of a spool's place is left: less than a double's rounding."""
 START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged")
 """Columns of a window's initial state: as in `sim.state`, but the second inertia's relative to the first, and
 what is behind the sensor's lag relative to where it would be had the speed been steady."""
@@ -71,12 +73,22 @@ def follow_windows(
 @compiled
 def _valve(p: Record, v: Record, t_u: Array, u: Array, reached: int, t: float) -> int:
     """Have the commands that reach the valve by `t` act on it; returns how many have by then."""
+    reached = _forgotten(p, t_u, reached, t)
     while reached < len(u) and t_u[reached] + p.transport_delay_time <= t:
         _spool(p, v, t_u[reached] + p.transport_delay_time)
         command(p, v, u[reached])
         reached += 1
     _spool(p, v, t)
     return reached
+
+
+@compiled
+def _forgotten(p: Record, t_u: Array, reached: int, t: float) -> int:
+    """The first command, from `reached` on, that the valve's state at `t` can depend on; play forgets none."""
+    if p.valve_hysteresis_half_width > 0.0:
+        return reached
+    since = t - p.transport_delay_time - MEMORY * p.valve_lag_time
+    return max(reached, np.searchsorted(t_u, since, "right") - 1)
 
 
 @compiled
