@@ -123,7 +123,7 @@ def test_what_a_sensors_lag_takes_up_beside_it_does_not_count(cause, values, lea
 
 @pytest.mark.parametrize(
     ("effects", "least", "most"),
-    [({"coulomb_friction": {"level": 200.0}}, 0.0, 0.2), ({"slew": {"strength": 30.0}}, 0.2, 1.0)],
+    [({"coulomb_friction": {"level": 100.0}}, 0.0, 0.2), ({"slew": {"strength": 30.0}}, 0.2, 1.0)],
     ids=["listed", "not listed"],
 )
 def test_what_the_list_can_imitate_does_not_count(effects, least, most):
