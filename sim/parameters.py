@@ -32,14 +32,20 @@ SLOTS = (
     *BASE,
     *(f"{effect.name}_{each.name}" for effect in EFFECTS.values() for each in effect.parameters),
     "substep",
+    "shortest",
 )
-"""Names of the parameter vector's elements, in its order: `effect_parameter`, and the longest substep [s]."""
+"""Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], and the
+shortest one over it that an orifice may ask for."""
 
 PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""
 
 ACCURACY = 0.1
 """Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
+
+
+SHORTEST = 1e-3
+"""Of substeps that an orifice near its largest pressure asks for, over the longest."""
 
 
 def parameters(
@@ -49,6 +55,7 @@ def parameters(
     effects: Mapping[str, Mapping[str, float]] | None = None,
     *,
     accuracy: float = ACCURACY,
+    shortest: float = SHORTEST,
     **base: float,
 ) -> npt.NDArray[np.void]:
     """The record for a plant with these effects.
@@ -60,6 +67,7 @@ def parameters(
         effects: Values by effect and parameter; what is left out is null (or, of an effect that is on, the
             default of the table).
         accuracy: Longest substep times the plant's fastest rate.
+        shortest: Substep that an orifice may ask for, over the longest.
         base: Others of `BASE`.
 
     Returns:
@@ -71,11 +79,11 @@ def parameters(
     record = np.zeros(1, PARAMETERS)
     values = {**BASE, **nulls(), **base, "K_L": K_L, "omega_n": omega_n, "zeta": zeta}
     values.update(_chosen(effects or {}))
-    for name in SLOTS[:-1]:
+    for name in SLOTS[:-2]:
         record[name] = values.pop(name)
     if values:
         raise ValueError(f"unknown: {', '.join(values)}; there are {', '.join(BASE)}")
-    record["substep"] = accuracy / fastest_rate(record)
+    record["substep"], record["shortest"] = accuracy / fastest_rate(record), shortest
     return record
 
 

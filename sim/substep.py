@@ -26,7 +26,7 @@ def longest_substep(p: Record, s: Record, t: float) -> float:
 def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
     """How far to go now [s], and whether that is the whole of `left`."""
     if p.square_root_flow_supply < math.inf:
-        longest = min(longest, max(_within_orifice(p, s, longest), 1e-3 * longest))
+        longest = min(longest, max(_within_orifice(p, s, longest), p.shortest * longest))
     if p.lugre_friction_stiffness > 0.0:
         longest = min(longest, _within_bristles(p, s, longest))
     longest = max(longest, 1e-9)

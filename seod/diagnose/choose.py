@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from seod.diagnose.begin import simulated_states
 from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.score import HeldOut, held_out, wholes
-from seod.diagnose.select import GAIN
+from seod.diagnose.select import AS_WELL, GAIN
+from seod.diagnose.widen import widened
+from seod.diagnose.windows import undivided
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
 
 FINALISTS: Final = 3
 """Sets that are fitted to all windows."""
-LOOKED_AT: Final = 12
-"""Sets of each size whose held-out error is looked at, where none comes down to the noise."""
-MISFIT_GAIN: Final = 0.1
+LOOKED_AT: Final = 4
+"""Sets of each size that are fitted to whole recordings, where none comes down to the noise."""
+MISFIT_GAIN: Final = 0.2
 """What an effect must save there, where any effect takes up a little of what is wrong."""
 
 
@@ -45,28 +47,55 @@ class Judged:
         return wholes(self.found.model, self.found.x, self.held.cut)[1]
 
 
-def choose(
-    base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen
-) -> tuple[Judged, dict[str, Judged]]:
-    """The best set and of its effects the set without each; never one that simulates worse than the baseline.
+class Choice(NamedTuple):
+    """The best set, the baseline it is compared with, and of the set's effects the set without each."""
+
+    base: Judged
+    best: Judged
+    without: dict[str, Judged]
+
+
+def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> Choice:
+    """The best set; never one that simulates worse than the baseline.
 
     Where a set comes down to the noise what was fitted decides. Where none does, initial states and effects
-    make up for each other in the windows, and the windows held out and the whole recording decide.
+    make up for each other in the windows: whole recordings are fitted, without the rows held out, and the
+    errors of both decide, of sets and of baselines.
     """
     complete = [refined(each, cut, screen) for each in finalists(grown.best) if each.model.names]
-    least = GAIN
-    if complete:
-        best = Judged.of(min(complete, key=lambda one: one.cost), aside)
-        if best.held.adequacy > ADEQUATE:
-            least = MISFIT_GAIN
-            rivals = [
-                Judged.of(refined(each, cut, screen), aside) for each in _looked_at(grown, aside, screen)
-            ]
-            best = min((best, *rivals, base), key=_unseen)
-    else:
-        best = base
-    own, rest = thinned(best, cut, aside, screen, least)
-    return (base, {}) if worse(own, base) else (own, rest)
+    if not complete:
+        return Choice(base, base, {})
+    best, least = Judged.of(plainest(complete), aside), GAIN
+    if best.held.adequacy > ADEQUATE:
+        plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
+        best, base, least = min((best, *sets), key=_unseen), min((base, plain), key=_unseen), MISFIT_GAIN
+    own, rest = thinned(best, grown, aside, screen, least)
+    return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
+
+
+def _over_whole(
+    base: Fitted, grown: Grown, wide: Cut, aside: Cut, screen: Screen
+) -> tuple[Judged, list[Judged]]:
+    """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there."""
+    over, plain, sets = screen.budget.looking(), refined(base, wide, screen), list[Fitted]()
+    for one in _looked_at(grown):
+        if over():
+            break
+        sets.append(refined(one, wide, screen))
+    over = screen.budget.looking()
+    for root in (plain, min(sets, key=lambda one: one.cost, default=None)):
+        if root is not None:
+            sets += widened(root, screen, over)[1:]
+    return Judged.of(plain, aside), [Judged.of(one, aside) for one in sets]
+
+
+def _looked_at(grown: Grown) -> list[Fitted]:
+    """The better sets of each size; the best of every size first."""
+    some: list[tuple[int, Fitted]] = []
+    for size in {len(one.model.names) for one in grown.tried.values()}:
+        own = [one for one in grown.tried.values() if len(one.model.names) == size]
+        some += enumerate(sorted(own, key=lambda one: one.cost)[:LOOKED_AT])
+    return [one for _, one in sorted(some, key=lambda pair: pair[0])]
 
 
 def worse(one: Judged, base: Judged) -> bool:
@@ -84,32 +113,15 @@ def _unseen(one: Judged) -> float:
     return 2.0 * math.log(one.held.nrmse + 1e-300) + 2.0 * math.log(one.whole + 1e-300)
 
 
-def _looked_at(grown: Grown, aside: Cut, screen: Screen) -> list[Fitted]:
-    """Of the better sets of each size, large ones first, those with the least error on windows held out."""
-    over, held = screen.budget.looking(), []
-    for one in _better(grown):
-        if over():
-            break
-        held.append((held_out(one.model, one.x, aside).nrmse, one))
-    return [one for _, one in sorted(held, key=lambda pair: pair[0])[:FINALISTS]]
-
-
-def _better(grown: Grown) -> list[Fitted]:
-    some: list[Fitted] = []
-    for size in sorted({len(one.model.names) for one in grown.best} - {0}, reverse=True):
-        own = [one for one in grown.best if len(one.model.names) == size]
-        some += sorted(own, key=lambda one: one.cost)[:LOOKED_AT]
-    return some
-
-
 def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
     start = simulated_states(found.model, found.x, cut)
     return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
-def without(found: Fitted, name: str, cut: Cut, screen: Screen) -> Fitted:
-    """A set without one of its effects, fitted anew."""
+def without(found: Fitted, name: str, screen: Screen) -> Fitted:
+    """A set without one of its effects, fitted anew to the same windows."""
+    cut = found.cut
     model = found.model.without(name)
     x = model.searched(found.model.values(found.x))
     start = simulated_states(model, x, cut)
@@ -117,14 +129,14 @@ def without(found: Fitted, name: str, cut: Cut, screen: Screen) -> Fitted:
 
 
 def thinned(
-    own: Judged, cut: Cut, aside: Cut, screen: Screen, enough: float = GAIN
+    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float = GAIN
 ) -> tuple[Judged, dict[str, Judged]]:
     """Without the effects that gain too little, and of those left the set without each.
 
-    They have to gain where they were fitted (`cut`), and on the windows held out (`aside`).
+    They have to gain where they were fitted, and on the windows held out (`aside`).
     """
     while True:
-        rest = {name: _left(own.found, name, cut, aside, screen) for name in own.found.model.names}
+        rest = {name: _left(own.found, name, grown, aside, screen) for name in own.found.model.names}
         if not rest:
             return own, {}
         least = min(rest.values(), key=lambda one: _gain(one, own))
@@ -133,14 +145,26 @@ def thinned(
         own = least
 
 
-def _left(found: Fitted, name: str, cut: Cut, aside: Cut, screen: Screen) -> Judged:
-    return Judged.of(without(found, name, cut, screen), aside)
+def _left(found: Fitted, name: str, grown: Grown, aside: Cut, screen: Screen) -> Judged:
+    """A set without one of its effects: fitted from where the set is, and from where it was found without."""
+    rest = [without(found, name, screen)]
+    before = grown.tried.get(frozenset(rest[0].model.names))
+    if before is not None:
+        rest.append(refined(before, found.cut, screen))
+    return Judged.of(min(rest, key=lambda one: one.cost), aside)
 
 
 def _gain(fewer: Judged, more: Judged) -> float:
     """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
     held = fewer.held.log_error - more.held.log_error
     return min(fewer.found.cost - more.found.cost, 2.0 * held)
+
+
+def plainest(some: Sequence[Fitted]) -> Fitted:
+    """The one with the fewest parameters of those that fit as well as the best."""
+    least = min(one.cost for one in some)
+    as_well = [one for one in some if one.cost < least + AS_WELL]
+    return min(as_well, key=lambda one: (len(one.x), one.cost))
 
 
 def finalists(best: Sequence[Fitted]) -> list[Fitted]:

@@ -18,11 +18,11 @@ from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
 from seod.diagnose.fit import fit
 from seod.diagnose.name import Chosen, found_effects
+from seod.diagnose.rated import rated
 from seod.diagnose.score import held_out
 from seod.diagnose.screen import screen
 from seod.diagnose.select import grow
 from seod.diagnose.windows import cut, pieces, series
-from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fit import Each, Fitted
     from seod.diagnose.screen import Screen
     from seod.diagnose.windows import Cut
-    from sim.config import PlantConfig
 
     Progress = Callable[[str, float], None]
 
@@ -83,21 +82,21 @@ def diagnose(
     """
     wishes = options or Options()
     sees_speed, budget = wishes.output == "velocity", Budget(clock, wishes.search_s)
+    rig = rated(wishes.config, wishes.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
-    nominal = _nominal(wishes)
     every = [
-        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **nominal)
+        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **rig.conditions)
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
     to_fit, aside = cut(every, len(holdout))
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = _search(to_fit, aside, _Way(sees_speed, _known(wishes), pool.map, budget, progress))
+        found = _search(to_fit, aside, _Way(sees_speed, rig.effects, pool.map, budget, progress))
         if any(each.name == "outliers" for defects in checked for each in defects.found):
             found = trimmed(found)
     progress("comparing", 0.9)
     answer = answered(found, to_fit, aside, checked, wishes.output)
-    name, plant = str(recordings[0].paths[0]), _plant(wishes)
-    remarks = gain_remarks(name, answer.baseline.K_L, None if plant is None else plant.K_L)
+    name = str(recordings[0].paths[0])
+    remarks = gain_remarks(name, answer.baseline.K_L, rig.K_L)
     answer = replace(answer, remarks=(*answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
@@ -132,11 +131,11 @@ def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
-    judged, without = choose(Judged(base, plain), grown, small, aside, screened)
+    choice = choose(Judged(base, plain), grown, small, aside, screened)
     progress("measuring the gain", 0.8)
-    chosen = Chosen(judged.found, without, small, judged.held)
+    chosen = Chosen(choice.best.found, choice.without, choice.best.held)
     effects = found_effects(chosen, screened, grown.tried)
-    return Found(base, plain, chosen, tuple(effects), grown)
+    return Found(choice.base.found, choice.base.held, chosen, tuple(effects), grown)
 
 
 def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[Fitted]:
@@ -148,25 +147,3 @@ def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[
         nothing = np.zeros(len(near.x), np.bool_)
         roots.append(fit(other, screened.cut, near.x, screened.start(other, near.x), free=nothing))
     return roots
-
-
-def _plant(wishes: Options) -> PlantConfig | None:
-    if wishes.config is None or wishes.config.simulation is None:
-        return None
-    plants = wishes.config.simulation.plants
-    return plants.get(wishes.axis or "") or next(iter(plants.values()))
-
-
-def _known(wishes: Options) -> Mapping[str, Mapping[str, float]]:
-    """Effects of the rig's model, but for defects of records."""
-    plant = _plant(wishes)
-    effects = {} if plant is None else plant.effects
-    return {name: values for name, values in effects.items() if EFFECTS[name].enters != "record"}
-
-
-def _nominal(wishes: Options) -> dict[str, float | None]:
-    """Supply pressure and temperature at which the rig's model is what its file says."""
-    plant = _plant(wishes)
-    if plant is None:
-        return {}
-    return {"nominal_ps": plant.nominal_pressure, "nominal_temperature": plant.nominal_temperature}

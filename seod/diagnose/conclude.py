@@ -53,8 +53,8 @@ class Found:
 
 def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], output: Output) -> Diagnosis:
     """The diagnosis; `checked` are the defects of each recording."""
-    baseline, plain = _scored(found.base, found.held, found.chosen.cut)
-    extended, whole = _scored(found.chosen.found, found.chosen.held, found.chosen.cut)
+    baseline, plain = _scored(found.base, found.held)
+    extended, whole = _scored(found.chosen.found, found.chosen.held)
     left = unexplained(found.held, found.chosen.held)
     defects = _record_effects(checked, found.chosen.held)
     steps = [each.step for each in checked if each.step > 0.0]
@@ -99,9 +99,9 @@ def _experiment(found: Found, aside: Cut) -> NextExperiment | None:
     return next_experiment(found.effects, best.model, best.x, one.noise, volts, one.tick)
 
 
-def _scored(fitted: Fitted, held: HeldOut, cut: Cut) -> tuple[Score, list[Array]]:
+def _scored(fitted: Fitted, held: HeldOut) -> tuple[Score, list[Array]]:
     simulated, whole_nrmse, diverged = wholes(fitted.model, fitted.x, held.cut)
-    sd = base_sd(fitted, covariance(fitted, cut))
+    sd = base_sd(fitted, covariance(fitted))
     return score(fitted.model, fitted.x, held, whole_nrmse, diverged, sd), simulated
 
 

@@ -17,6 +17,8 @@ Values = dict[str, float]
 HELD: Final = ((2.0, 0.5), (2.0, 2.0))
 """Factors of K_L and zeta where a baseline took friction for little gain: damped little, and much."""
 
+WAVES_SEEN: Final = 1.25
+"""Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
 """Effects that are a wave: searched as cosine and sine parts, which act nearly linearly."""
 
@@ -238,7 +240,12 @@ def _sensor(s: Scales) -> dict[str, Group]:
             _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 2.0 * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
-        **_group("position_ripple", _wave("position_ripple", 0.01 * s.swing, 0.03 / s.travel, 1e-3, 1e6)),
+        **_group(
+            "position_ripple",
+            _wave(
+                "position_ripple", 0.01 * s.swing, 0.03 / s.travel, 2.0 * math.pi * WAVES_SEEN / s.travel, 1e6
+            ),
+        ),
         **_group(
             "sensor_lag",
             _linear("sensor_lag.time", 1.0 / s.omega_n, max(0.02 * s.tick_s, 1e-5), 0.1),

@@ -45,6 +45,7 @@ class Fitted:
 
     Attributes:
         model: It.
+        cut: The windows.
         x: Searched numbers, shape (p,).
         start: Initial states, shape (w, 6).
         error: Mean squared error of each window, shape (w,).
@@ -53,6 +54,7 @@ class Fitted:
     """
 
     model: Model
+    cut: Cut
     x: Array
     start: Array
     error: Array
@@ -114,7 +116,7 @@ class Search:
             start, residual, error = found
             if before - self.cost(error) < ENOUGH:
                 break
-        return Fitted(self.model, x, start, error, self.cost(error), curvature)
+        return Fitted(self.model, self.cut, x, start, error, self.cost(error), curvature)
 
     def bent(
         self,

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from seod.diagnose.answer import Array
     from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
-    from seod.diagnose.windows import Cut
 
 WIDE: Final = 1.96
 BLOCKS: Final = 24
@@ -26,11 +25,12 @@ BLOCKS: Final = 24
 _STEP: Final = 1e-4
 
 
-def covariance(found: Fitted, cut: Cut) -> Array:
+def covariance(found: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise."""
     size = np.sqrt(np.maximum(found.curvature.diagonal(), 1e-300))
     scaled = found.curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
+    cut = found.cut
     simulated = simulate(found.model.record(found.x), cut, found.start)
     residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
     whitened = np.concatenate(

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 COARSE: Final = 0.3
 """Substep times the fastest rate in a search: readings then differ by some 1e-4 of the movement at most."""
-QUICK: Final = 2.0
+SHORTEST: Final = 0.03
+"""Substeps that an orifice asks for, over the longest: a search need not come nearer to its limit."""
+QUICK: Final = 1.0
 STABLE: Final = 1.5
 """A pole that decays within a tick need not be followed: above `QUICK` times the sampling rate substeps grow,
 as far as the method is stable."""
@@ -89,7 +91,10 @@ class Model:
         speed = float(self.sees_speed)
         quick = omega_n * max(1.0, 2.0 * zeta) * self.scales.tick_s
         accuracy = min(self.accuracy * max(1.0, quick / QUICK), STABLE)
-        return parameters(K_L, omega_n, zeta, self.effects(x), accuracy=accuracy, measures_speed=speed)
+        effects = self.effects(x)
+        return parameters(
+            K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SHORTEST, measures_speed=speed
+        )
 
     def with_effect(self, name: str) -> Model:
         """The same with one effect more, or with one of the rig's freed."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.answer import FoundEffect, Gain
 from seod.diagnose.coordinates import searched_causes
 from seod.diagnose.fit import fit
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
+from seod.diagnose.select import AS_WELL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -17,10 +18,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
     from seod.diagnose.screen import Screen
-    from seod.diagnose.windows import Cut
-
-AS_WELL: Final = 0.004
-"""Mean log squared error up to which a cause in another's place explains the recordings as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +27,11 @@ class Chosen:
     Attributes:
         found: The set.
         without: Of each effect the set without it, fitted anew.
-        cut: The windows it was fitted to.
         held: Its simulation of the windows held out.
     """
 
     found: Fitted
     without: Mapping[str, Judged]
-    cut: Cut
     held: HeldOut
 
 
@@ -45,7 +40,7 @@ def found_effects(
 ) -> list[FoundEffect]:
     """In order of gain."""
     out = []
-    spread = covariance(chosen.found, chosen.cut)
+    spread = covariance(chosen.found)
     for name, rest in chosen.without.items():
         out.append(
             FoundEffect(

@@ -64,8 +64,7 @@ class Screen:
         """`parent` with each of these effects more, the best first; not promising ones after a glance."""
         fewer = self.cut.only(self.few)
         begun = parent.start[list(self.few)]
-        numbers = self._lines(parent, [name for name in causes if name in WAVES])
-        trials = [(name, v) for name in causes for v in self._starts(parent.model, name, numbers)]
+        trials = [(name, start) for name in causes for start in self.starts(parent, name)]
 
         def glance(trial: tuple[str, Values]) -> Fitted | None:
             if self.budget.spent:
@@ -86,10 +85,10 @@ class Screen:
             ended = self.budget.trial()
             return fit(found.model, self.cut, found.x, self._spread(parent, found), STEPS, ended=ended)
 
-        better = [one for one in self.each(further, ranked[:PROMISING]) if not self._driven(one)]
+        better = [one for one in self.each(further, ranked[:PROMISING]) if not self.driven(one)]
         return sorted(better, key=lambda one: one.cost)
 
-    def _driven(self, found: Fitted) -> bool:
+    def driven(self, found: Fitted) -> bool:
         """A disturbance in step with the command is none: it stands for what the plant answers."""
         omega = found.model.values(found.x).get("periodic_disturbance.omega")
         return omega is not None and in_step(self.every, omega)
@@ -99,22 +98,21 @@ class Screen:
         start[list(self.few)] = found.start
         return start
 
-    def _starts(self, model: Model, name: str, numbers: dict[str, list[float]]) -> tuple[Values, ...]:
-        searched = group(name, model.scales)
+    def starts(self, parent: Fitted, name: str) -> tuple[Values, ...]:
+        """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
+        searched = group(name, parent.model.scales)
         if name not in WAVES:
             return searched.starts
-        return starts(name, numbers[name], 0.1 * searched.coordinates[0].scale)
+        return starts(name, self._lines(parent, name), 0.1 * searched.coordinates[0].scale)
 
-    def _lines(self, parent: Fitted, waves: Sequence[str]) -> dict[str, list[float]]:
-        """What the residual of all windows shows of waves."""
-        if not waves:
-            return {}
+    def _lines(self, parent: Fitted, name: str) -> list[float]:
+        """What the residual of all windows shows of a wave."""
         model, x, cut = parent.model, parent.x, self.every
         start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)
         simulated, states = inside(model.record(x), cut, start)
         residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
         speed = states[:, 1] if model.sees_speed else None
-        return {name: lines(name, cut, residual, states[:, 2], speed) for name in waves}
+        return lines(name, cut, residual, states[:, 2], speed)
 
 
 def begun_from(values: Values, start: Values) -> Values:

@@ -22,6 +22,8 @@ MOST: Final = 4
 """Effects in a set."""
 GAIN: Final = 0.02
 """Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
+AS_WELL: Final = 0.004
+"""Mean log squared error up to which another set explains the recordings as well."""
 ADEQUATE: Final = 1.03
 """Squared error over the noise's, at which the search ends: the noise is known to some percent."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -32,6 +32,8 @@ PIECE_S: Final = 2.0
 """Windows are fitted in pieces no longer than this or a period, each from a state of its own."""
 SKIPPED_S: Final = 0.1
 """Of a recording's start: the commands before it, which delay and lag still show, are unknown."""
+MOVING: Final = 3.0
+"""Deviation over the noise from which on a window shows a movement; the others tell nothing of the plant."""
 _LEAST_SAMPLES: Final = 200
 _FINEST: Final = 1 << 15
 
@@ -227,7 +229,9 @@ def _windows(one: Series) -> list[tuple[int, int]]:
     count = max(FEWEST, int((one.t[-1] - begin) / one.window_s + 1e-6))
     edges = np.searchsorted(one.t, np.linspace(begin, one.t[-1] + 0.5 * one.tick, count + 1))
     pairs = [(int(a), int(b)) for a, b in pairwise(edges)]
-    return [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= 50]
+    told = [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= 50]
+    moving = [(a, b) for a, b in told if np.std(one.y[a:b][one.good[a:b]]) > MOVING * one.noise]
+    return moving if len(moving) >= FEWEST else told
 
 
 def pieces(whole: Cut, longest_s: float | None = None) -> Cut:
@@ -243,6 +247,20 @@ def pieces(whole: Cut, longest_s: float | None = None) -> Cut:
         edges = np.linspace(first, last, count + 1).astype(int).tolist()
         out += [(k, a, b) for a, b in pairwise(edges)]
     return Cut(whole.series, tuple(out))
+
+
+def undivided(whole: Cut) -> Cut:
+    """Each recording as one window, in which the same rows count."""
+    every = list(whole.series)
+    windows: list[tuple[int, int, int]] = []
+    for k in sorted({k for k, _, _ in whole.windows}):
+        own = [(first, last) for of, first, last in whole.windows if of == k]
+        counts = np.zeros(len(every[k].t), np.bool_)
+        for first, last in own:
+            counts[first:last] = True
+        every[k] = replace(every[k], good=every[k].good & counts)
+        windows.append((k, own[0][0], own[-1][1]))
+    return Cut(every, tuple(windows))
 
 
 def sample(whole: Cut, seconds: float) -> Cut:

@@ -54,7 +54,7 @@ def test_a_budget_is_spent_when_its_time_is_over_and_says_so_where_something_was
 
 def test_one_trial_has_a_part_of_it():
     now = [0.0]
-    ended = Budget(lambda: now[0], 50.0).trial()
+    ended = Budget(lambda: now[0], 25.0).trial()
     now[0] = 0.9
     assert not ended()
     now[0] = 1.1

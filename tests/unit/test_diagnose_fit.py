@@ -32,7 +32,7 @@ def clean():
 
 def deviations(found, cut_to):
     values = found.model.values(found.x)
-    sd = base_sd(found, covariance(found, cut_to))
+    sd = base_sd(found, covariance(found))
     return {name: (values[name] - TRUTH[name]) / sd[name] for name in TRUTH}, sd
 
 
@@ -72,7 +72,7 @@ def test_a_lag_is_found_through_the_valley_where_gain_and_damping_change_togethe
     model = baseline_model(SIZES, 1.0, False, {}).with_effect("valve_lag")
     x = model.searched({"K_L": 30.0, "omega_n": 90.0, "zeta": 0.7, "valve_lag.time": 0.0005})
     found = fit(model, to_fit, x, simulated_states(model, x, to_fit), most=30)
-    lag = effect_parameters(found, "valve_lag", covariance(found, to_fit))["time"]
+    lag = effect_parameters(found, "valve_lag", covariance(found))["time"]
     assert lag.ci95[0] < 0.004 < lag.ci95[1]
     assert lag.ci95[1] - lag.ci95[0] < 2e-4
 
@@ -134,7 +134,7 @@ def test_sizes_are_those_of_the_movement(clean):
 def test_every_start_is_a_plant_and_survives_the_way_there_and_back(name):
     searched = group(name, SIZES)
     model = baseline_model(SIZES, 1.0, False, {}).with_effect(name)
-    starts = searched.starts or (dict.fromkeys((c.place for c in searched.coordinates), 1.0),)
+    starts = searched.starts or ({c.place: min(max(1.0, c.low), c.high) for c in searched.coordinates},)
     for start in starts:
         x = model.searched(TRUTH | start)
         for place, value in start.items() - {p for p in start.items() if p[0][0] == "*"}:

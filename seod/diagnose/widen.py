@@ -1,0 +1,132 @@
+"""Sets of effects grown on whole recordings, where none explains the windows down to the noise.
+
+Each window has an initial state of its own, which makes up for a part of what a wrong model does. Over a
+whole recording it cannot. Simulations of it take long, so each start of a cause is tried by one: how much of
+the residual lies in the direction of its change, beyond what the parent's own parameters can do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.coordinates import WAVES, group, searched_causes
+from seod.diagnose.fit import Fitted, Search, fit
+from seod.diagnose.screen import begun_from
+from seod.diagnose.select import MOST
+from seod.diagnose.simulate import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from seod.diagnose.answer import Array
+    from seod.diagnose.coordinates import Values
+    from seod.diagnose.model import Model
+    from seod.diagnose.screen import Screen
+
+TRIED: Final = 4
+"""Causes that are fitted, of those that promise most."""
+SAVES: Final = 0.2
+"""Mean log squared error that one more effect has to save."""
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """One more effect: the model with it, where to begin, and what it may save of the log squared error."""
+
+    model: Model
+    x: Array
+    saves: float
+
+
+def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
+    """Grow a set that was fitted to whole recordings, one effect at a time; the last one is the best.
+
+    Args:
+        begun: The set.
+        screen: Starts of causes.
+        over: Tells when there is no time for more.
+    """
+    grown = [begun]
+    causes = searched_causes(begun.model.scales)
+    while len(grown[-1].model.names) < MOST and not over():
+        parent = grown[-1]
+        more = [c for c in causes if c not in parent.model.names]
+        best = promising(parent, more, screen)[:TRIED] + remote(parent, more)
+        least = min(_fitted(best, parent, screen, over), key=lambda one: one.cost, default=parent)
+        if least.cost > parent.cost - SAVES:
+            break
+        grown.append(least)
+    return grown
+
+
+def _fitted(
+    best: Sequence[Promise], parent: Fitted, screen: Screen, over: Callable[[], bool]
+) -> list[Fitted]:
+    def whole(one: Promise) -> Fitted:
+        return fit(one.model, parent.cut, one.x, parent.start, ended=over)
+
+    return [one for one in screen.each(whole, best) if not screen.driven(one)]
+
+
+def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
+    """Causes by what they promise to save, the most first; each from the best of its starts."""
+    ahead = Ahead(parent)
+    trials = [(name, start) for name in causes for start in screen.starts(parent, name)]
+    best: dict[str, Promise] = {}
+    for name, promise in screen.each(lambda trial: (trial[0], ahead.promise(*trial)), trials):
+        if name not in best or promise.saves > best[name].saves:
+            best[name] = promise
+    return sorted(best.values(), key=lambda one: -one.saves)
+
+
+def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
+    """Starts far from the parent's own parameters, of which a direction tells nothing."""
+    out = []
+    for name in causes:
+        for start in group(name, parent.model.scales).starts:
+            if "*K_L" in start:
+                model = parent.model.with_effect(name)
+                x = model.searched(begun_from(parent.model.values(parent.x), start))
+                out.append(Promise(model, x, math.nan))
+    return out
+
+
+class Ahead:
+    """What a parent leaves, and what its own parameters and initial states could still do about it."""
+
+    def __init__(self, parent: Fitted) -> None:
+        self.parent = parent
+        search = Search(parent.model, parent.cut, map, np.ones(len(parent.x), np.bool_))
+        residual, error = search.tried(parent.x, parent.start)
+        table = search.derivatives(parent.x, parent.start, residual, error).table
+        assert table is not None  # noqa: S101 - a search has one
+        self.good, self.simulated = search.good, search.y - residual
+        self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
+        own = table.columns[:, :-1] * self.weight[:, None]
+        size = np.linalg.norm(own, axis=0)
+        self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
+        self.left = self._beyond(residual)
+
+    def promise(self, name: str, start: Values) -> Promise:
+        """What an effect saves if its change from this start is the right one but for its size."""
+        parent, model = self.parent, self.parent.model.with_effect(name)
+        x = model.searched(begun_from(parent.model.values(parent.x), start))
+        changes = [self._change(model, x)]
+        if name in WAVES:
+            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
+        directions = np.linalg.qr(np.stack(changes, axis=1))[0]
+        told = float(np.sum((directions.T @ self.left) ** 2)) / float(self.left @ self.left)
+        return Promise(model, x, -math.log(max(1.0 - told, 1e-12)))
+
+    def _change(self, model: Model, x: Array) -> Array:
+        simulated = simulate(model.record(x), self.parent.cut, self.parent.start)
+        return self._beyond(np.where(self.good, np.nan_to_num(simulated - self.simulated), 0.0))
+
+    def _beyond(self, y: Array) -> Array:
+        """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
+        weighted = np.clip(y * self.weight, -1e100, 1e100)
+        return np.asarray(weighted - self.own @ (self.own.T @ weighted))
