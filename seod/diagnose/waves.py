@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import WAVES
+from seod.diagnose.coordinates import WAVES, WAVES_SEEN
 
 if TYPE_CHECKING:
     from seod.diagnose.answer import Array
@@ -16,19 +16,9 @@ if TYPE_CHECKING:
 
 LINES: Final = 3
 """Of a spectrum, the largest, are tried."""
-FEWEST_WAVES: Final = 1.2
-"""Of a ripple over the travel: fewer are the bend of a sensor, or of a load."""
-FEWEST_STEPS: Final = 3.0
-"""Of a coarse sensor to a ripple's wave: shorter ones are its rounding."""
 _BINS: Final = 2048
 _FINER: Final = 4
 """Zero padding: points of the spectrum over those of an unpadded one."""
-
-
-def ripple_range(travel: float, step: float) -> tuple[float, float]:
-    """Lowest and highest wavenumber [rad/unit] of a ripple over this travel, seen in steps of `step` [unit]."""
-    highest = 2.0 * math.pi / (FEWEST_STEPS * step) if step > 0.0 else math.inf
-    return 2.0 * math.pi * FEWEST_WAVES / travel, highest
 
 
 def lines(name: str, cut: Cut, residual: Array, position: Array, speed: Array | None) -> list[float]:
@@ -65,7 +55,7 @@ def _over(position: Array, residual: Array) -> list[float]:
     count = np.bincount(index, minlength=_BINS)
     total = np.bincount(index, weights=residual, minlength=_BINS)
     mean = np.where(count > 0, total / np.maximum(count, 1), 0.0)
-    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=math.ceil(FEWEST_WAVES * _FINER))
+    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=math.ceil(WAVES_SEEN * _FINER))
 
 
 def _peaks(signal: Array, step: float, lowest: int) -> list[float]:
