@@ -54,6 +54,7 @@ class Series:
         window_s: Length of its windows [s].
         period_s: Dominant period [s].
         sees_speed: `y` is a speed.
+        step: Of a coarse sensor [unit of y], 0 where none is seen.
     """
 
     t: Array
@@ -67,6 +68,7 @@ class Series:
     window_s: float
     period_s: float
     sees_speed: bool
+    step: float = 0.0
 
     @property
     def tick(self) -> float:
@@ -118,6 +120,7 @@ def series(
         window_s=_window_s(t, period_s),
         period_s=period_s,
         sees_speed=sees_speed,
+        step=step,
     )
 
 
