@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sim.effects import EFFECTS
+from sim.effects import EFFECTS, parameter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -118,7 +118,17 @@ def group(name: str, scales: Scales) -> Group:
     made: dict[str, Group] = {}
     for table in (_valve, _flow, _load, _sensor, _plant):
         made |= table(scales)
-    return made[name]
+    found = made[name]
+    return replace(found, coordinates=tuple(_possible(each) for each in found.coordinates))
+
+
+def _possible(one: Coordinate) -> Coordinate:
+    """Bounds that come from sizes in the recordings, within those that the effect has anyway."""
+    if one.place.endswith((".cosine", ".sine")):
+        return one
+    _, allowed = parameter(one.place)
+    high = min(one.high, allowed.high)
+    return replace(one, low=min(max(one.low, allowed.low), high), high=high)
 
 
 def searched_causes(scales: Scales) -> list[str]:
