@@ -13,7 +13,7 @@ from seod.diagnose.fit import fit
 from seod.diagnose.linear import linear_gain
 from seod.diagnose.model import BASE, baseline_model
 from seod.diagnose.simulate import STATES, inside
-from seod.diagnose.windows import Cut, dominant_hz, pieces, sample
+from seod.diagnose.windows import Cut, dominant_hz, pieces, sample, undivided
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,13 +24,15 @@ if TYPE_CHECKING:
     from seod.diagnose.windows import Series
 
 DAMPINGS: Final = (0.1, 0.4, 1.2)
-FREQUENCIES: Final = 12
-WIDTH: Final = (0.3, 60.0)
-"""Searched frequencies over the dominant one."""
+FREQUENCIES: Final = 14
+LOWEST: Final = 0.3
+"""Searched frequency over the dominant one, at least; half a period is in each window, too."""
 KEPT: Final = 3
 """Cells of the grid from which the search goes on."""
 GRID_S: Final = 3.0
 """Of windows in which the grid is searched."""
+DAMPED: Final = 0.2
+"""Damping ratio of which one start has at least."""
 SHORT_S: Final = 0.25
 SHORT_ROWS: Final = 100
 """Least length of the short pieces [s, samples]."""
@@ -64,24 +66,49 @@ def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def baseline(
-    cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map
-) -> tuple[Fitted, Fitted]:
-    """Eq. 1, with the effects that the rig's file has, fitted from several starts; and a local one.
+class Begun(NamedTuple):
+    """Eq. 1, with the effects that the rig's file has, on windows.
 
-    The local one was fitted to short pieces with a free load bias, which slow effects hardly touch: where Eq.
-    1 alone is far off it is nearer to the plant.
+    Where Eq. 1 alone is far off the other two are nearer to the plant.
+
+    Attributes:
+        best: Fitted to them from several starts.
+        near: Fitted to short pieces of them with a free load bias, which slow effects hardly touch.
+        whole: Fitted to whole recordings, whose one initial state makes up for nothing.
+        damped: `best` with more damping and, in proportion, gain: what swings by itself in a limit cycle's
+            frequency needs neither.
     """
+
+    best: Fitted
+    near: Fitted
+    whole: Fitted
+    damped: Fitted
+
+
+def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map) -> Begun:
+    """Search for Eq. 1 from a grid of natural frequencies and damping ratios."""
     few = sample(cut, GRID_S)
     short = pieces(few, max(SHORT_S, SHORT_ROWS * max(one.tick for one in cut.series)))
     cells = _cells(short, sees_speed, fixed, each)[:KEPT]
     local = min(each(lambda cell: _biased(cell, short), cells), key=lambda one: one.cost)
     starts = [local, *_cells(few, sees_speed, fixed, each)[: KEPT - 1]]
     found: list[Fitted] = list(each(lambda cell: _plain(cell, cut), starts))
-    model, x = _begun(local, cut)
-    nothing = np.zeros(len(x), np.bool_)
-    near = fit(model, cut, x, simulated_states(model, x, cut), free=nothing)
-    return min(found, key=lambda one: one.cost), near
+    near = _unchanged(*_begun(local, cut), cut)
+    wide = undivided(cut)
+    of_whole = _plain(_cells(wide, sees_speed, fixed, each)[0], wide)
+    whole = _unchanged(of_whole.model, of_whole.x, cut)
+    best = min(found, key=lambda one: one.cost)
+    values = best.model.values(best.x)
+    if values["zeta"] < DAMPED:
+        more = DAMPED / values["zeta"]
+        values |= {"zeta": DAMPED, "K_L": more * values["K_L"]}
+    damped = _unchanged(best.model, best.model.searched(values), cut)
+    return Begun(best, near, whole, damped)
+
+
+def _unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
+    """A plant fitted elsewhere, on these windows."""
+    return fit(model, cut, x, simulated_states(model, x, cut), free=np.zeros(len(x), np.bool_))
 
 
 class _Cell(NamedTuple):
@@ -100,7 +127,9 @@ def _cells(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]],
     """A grid over omega_n and zeta, K_L and a load bias solved for in each cell; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
-    frequencies = np.geomspace(WIDTH[0] * omega, min(WIDTH[1] * omega, 0.5 / one.tick), FREQUENCIES)
+    shortest = min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
+    slowest = max(LOWEST * omega, math.pi / shortest)
+    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), FREQUENCIES)
     places = measured_places(cut)
 
     def cell(at: tuple[float, float]) -> _Cell:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.begin import Begun, baseline, scales, simulated_states
 from seod.diagnose.budget import SEARCH_S, Budget
 from seod.diagnose.choose import Judged, choose
 from seod.diagnose.column_check import gain_remarks
@@ -119,7 +119,8 @@ def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
     progress("fitting Eq. 1", 0.0)
     small = pieces(to_fit)
     screened = screen(small, each, budget)
-    first, near = baseline(screened.cut, way.sees_speed, way.known, each)
+    begun = baseline(screened.cut, way.sees_speed, way.known, each)
+    first = begun.best
     base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
     plain = held_out(base.model, base.x, aside)
     if plain.floor > MOSTLY_NOISE:
@@ -127,9 +128,9 @@ def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
         )
-    sizes = scales(near, screened.cut)
+    sizes = scales(begun.near, screened.cut)
     sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
-    roots = _roots(base, near, sizes, screened)
+    roots = _roots(base, begun, sizes, screened)
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
@@ -140,12 +141,18 @@ def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
     return Found(choice.base.found, choice.base.held, chosen, tuple(effects), grown)
 
 
-def _roots(base: Fitted, near: Fitted, sizes: Scales, screened: Screen) -> list[Fitted]:
-    """The baseline, and the local fit where it differs: with sizes by which effects are scaled."""
+def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[Fitted]:
+    """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
-    other = replace(near.model, scales=sizes)
-    if np.any(np.abs(base.x - near.x) > DIFFERENT) or model.coordinates[0] != other.coordinates[0]:
-        nothing = np.zeros(len(near.x), np.bool_)
-        roots.append(fit(other, screened.cut, near.x, screened.start(other, near.x), free=nothing))
+    for one in (begun.near, begun.whole, begun.damped):
+        if all(_differ(one, root) for root in roots):
+            other = replace(one.model, scales=sizes)
+            nothing = np.zeros(len(one.x), np.bool_)
+            roots.append(fit(other, screened.cut, one.x, screened.start(other, one.x), free=nothing))
     return roots
+
+
+def _differ(one: Fitted, other: Fitted) -> bool:
+    signs = one.model.coordinates[0].scale, other.model.coordinates[0].scale
+    return signs[0] != signs[1] or bool(np.any(np.abs(one.x - other.x) > DIFFERENT))

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 FAR: Final = 4.0
 MOST_FAR: Final = 0.03
 """Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
-MOSTLY: Final = 0.25
-"""Part of the error that may remain for the named effects to count as the explanation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ def _scored(fitted: Fitted, held: HeldOut) -> tuple[Score, list[Array]]:
 
 
 def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
-    if left.fraction > (MOSTLY if effects else 0.0):
+    if left.fraction > 0.0:
         return "unexplained"
     return "effects" if effects else "clean"
 

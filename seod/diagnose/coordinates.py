@@ -6,16 +6,18 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sim.effects import EFFECTS, parameter
+from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 Values = dict[str, float]
-"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; `*K_L` and `*zeta` of starts multiply these."""
+"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
 
-HELD: Final = ((2.0, 0.5), (2.0, 2.0))
-"""Factors of K_L and zeta where a baseline took friction for little gain: damped little, and much."""
+HELD: Final = ({"*K_L": 2.0, "*zeta": 0.5}, {"*K_L": 2.0, "*zeta": 2.0})
+"""Factors where a baseline took friction for little gain: damped little, and much."""
+PLAYING: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
+"""Factors where a baseline took a limit cycle that play made slow for the plant's own frequency."""
 
 WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
@@ -119,16 +121,16 @@ def group(name: str, scales: Scales) -> Group:
     for table in (_valve, _flow, _load, _sensor, _plant):
         made |= table(scales)
     found = made[name]
-    return replace(found, coordinates=tuple(_possible(each) for each in found.coordinates))
+    return replace(found, coordinates=tuple(_within_table(each) for each in found.coordinates))
 
 
-def _possible(one: Coordinate) -> Coordinate:
-    """Bounds that come from sizes in the recordings, within those that the effect has anyway."""
-    if one.place.endswith((".cosine", ".sine")):
-        return one
-    _, allowed = parameter(one.place)
-    high = min(one.high, allowed.high)
-    return replace(one, low=min(max(one.low, allowed.low), high), high=high)
+def _within_table(coordinate: Coordinate) -> Coordinate:
+    """The same, no further than the effect's own limits."""
+    name, _, of = coordinate.place.partition(".")
+    limits = next((each for each in EFFECTS[name].parameters if each.name == of), None)
+    if limits is None:
+        return coordinate
+    return replace(coordinate, low=max(coordinate.low, limits.low), high=min(coordinate.high, limits.high))
 
 
 def searched_causes(scales: Scales) -> list[str]:
@@ -225,12 +227,13 @@ def _load(s: Scales) -> dict[str, Group]:
     return {
         **_group("load_bias", _signed("load_bias.acceleration", 0.1 * size, 1e6), (0.02 * size,)),
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
-        "coulomb_friction": _rubbing(
+        "coulomb_friction": _far(
+            HELD,
             _linear("coulomb_friction.level", 0.1 * size, 0.0, 5.0 * size),
             *((x * size,) for x in (0.02, 0.1, 0.3)),
         ),
-        "stribeck_friction": _rubbing(
-            stribeck, *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15)))
+        "stribeck_friction": _far(
+            HELD, stribeck, *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15)))
         ),
         **_group("load_resonance", resonance, *((0.2, x * s.omega_n, 0.05) for x in (0.6, 1.3, 2.5, 5.0))),
         **_group(
@@ -240,17 +243,18 @@ def _load(s: Scales) -> dict[str, Group]:
     }
 
 
-def _rubbing(coordinates: Mapping[str, Coordinate], *starts: tuple[float, ...]) -> Group:
-    """Friction: the largest start from a larger gain too."""
+def _far(
+    factors: Sequence[Values], coordinates: Mapping[str, Coordinate], *starts: tuple[float, ...]
+) -> Group:
+    """The largest start from other plants too."""
     plain = next(iter(_group("", coordinates, *starts).values()))
-    more = tuple({**plain.starts[-1], "*K_L": K_L, "*zeta": zeta} for K_L, zeta in HELD)
-    return Group(plain.coordinates, (*plain.starts, *more))
+    return Group(plain.coordinates, (*plain.starts, *(plain.starts[-1] | each for each in factors)))
 
 
 def _sensor(s: Scales) -> dict[str, Group]:
     return {
-        **_group(
-            "backlash",
+        "backlash": _far(
+            PLAYING,
             _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 2.0 * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
