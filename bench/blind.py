@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import resource
 import sys
 import tempfile
@@ -56,6 +57,8 @@ def answer(case: Case, folder: Path, limit: int) -> tuple[dict, float]:
             return pool.submit(_told, path, output, limit).result()
         except BrokenProcessPool:
             return {"verdict": LATE, "effects": []}, float(limit)
+        except (ValueError, ArithmeticError) as error:
+            return {"verdict": f"broke off: {error}", "effects": []}, math.nan
 
 
 def _told(path: Path, output: str, limit: int) -> tuple[dict, float]:
@@ -205,7 +208,7 @@ def tables(lines: list[dict]) -> None:
     confusion(lines)
     intervals(lines)
     if lines:
-        seconds = sorted(each["seconds"] for each in lines)
+        seconds = sorted(each["seconds"] for each in lines if math.isfinite(each["seconds"]))
         late = sum(each["verdict"] == LATE for each in lines)
         print(
             f"\nprocessor time: median {median(seconds):.1f} s, p90 {seconds[int(0.9 * len(seconds))]:.1f} s,"
