@@ -122,6 +122,8 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
         tick = min(0.3 / omega_n, 4e-3)
     duration = 20.0 if omega_n > 80.0 else 30.0
     latency = float(random.choice([0.0, 0.0, 3e-4]))
+    if "timing_jitter" in causes:  # a command follows from a sample that may be late
+        latency = 0.5 * tick
     kind_of_drive = excitation or str(random.choice(EXCITATIONS))
     volts = float(np.exp(random.uniform(-1.0, 1.0)))
     return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
