@@ -207,6 +207,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         omega_n=omega_n,
         span_s=max(float(one.t[-1] - one.t[0]) for one in used),
         tick_s=max(one.tick for one in used),
+        step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
         warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
         pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
     )

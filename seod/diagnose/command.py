@@ -85,7 +85,9 @@ def diagnose(
     rig = rated(wishes.config, wishes.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
     every = [
-        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **rig.conditions)
+        series(
+            each, defects.bad, sees_speed=sees_speed, step=defects.step, late=defects.late, **rig.conditions
+        )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
     to_fit, aside = cut(every, len(holdout))
