@@ -33,8 +33,11 @@ KEPT: Final = 3
 """Cells of the grid from which the search goes on."""
 GRID_S: Final = 3.0
 """Of windows in which the grid is searched."""
-DAMPED: Final = 0.2
-"""Damping ratio of which one start has at least."""
+LEVELS: Final = 4
+"""Commands that a relay gives, at most: two, with another bias four."""
+QUICKER: Final = 1.2
+DAMPED: Final = 0.3
+"""A plant's natural frequency over its limit cycle's, which delay and play make slower; and its damping."""
 SHORT_S: Final = 0.25
 SHORT_ROWS: Final = 100
 """Least length of the short pieces [s, samples]."""
@@ -80,14 +83,14 @@ class Begun(NamedTuple):
         best: Fitted to them from several starts.
         near: Fitted to short pieces of them with a free load bias, which slow effects hardly touch.
         whole: Fitted to whole recordings, whose one initial state makes up for nothing.
-        damped: `best` with more damping and, in proportion, gain: what swings by itself in a limit cycle's
-            frequency needs neither.
+        swung: Of a relay's recording a plant whose own frequency is near the limit cycle's, as every
+            plant's is that a relay drives; else `whole` again.
     """
 
     best: Fitted
     near: Fitted
     whole: Fitted
-    damped: Fitted
+    swung: Fitted
 
 
 def _loose(record: NDArray[np.void], seen: Array, states: Array) -> Array:
@@ -110,12 +113,12 @@ def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]
     of_whole = _plain(_cells(wide, sees_speed, fixed, each)[0], wide)
     whole = _unchanged(of_whole.model, of_whole.x, cut)
     best = min(found, key=lambda one: one.cost)
-    values = best.model.values(best.x)
-    if values["zeta"] < DAMPED:
-        more = DAMPED / values["zeta"]
-        values |= {"zeta": DAMPED, "K_L": more * values["K_L"]}
-    damped = _unchanged(best.model, best.model.searched(values), cut)
-    return Begun(best, near, whole, damped)
+    swung = whole
+    if all(len(np.unique(one.u)) <= LEVELS for one in cut.series):
+        at = cut.series[cut.windows[0][0]]
+        omega = QUICKER * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+        swung = _unchanged(*_begun(_cell(cut, sees_speed, fixed, (omega, DAMPED)), cut), cut)
+    return Begun(best, near, whole, swung)
 
 
 def _unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
@@ -142,16 +145,19 @@ def _cells(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]],
     shortest = min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
     slowest = max(LOWEST * omega, math.pi / shortest)
     frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), FREQUENCIES)
-    places = measured_places(cut)
+    points = product(frequencies.tolist(), DAMPINGS)
+    return sorted(each(lambda at: _cell(cut, sees_speed, fixed, at), points), key=lambda one: one.cost)
 
-    def cell(at: tuple[float, float]) -> _Cell:
-        omega_n, zeta = at
-        model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed)
-        x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
-        K_L, bias, cost = linear_gain(model, cut, x, places)
-        return _Cell(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
 
-    return sorted(each(cell, product(frequencies.tolist(), DAMPINGS)), key=lambda one: one.cost)
+def _cell(
+    cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], at: tuple[float, float]
+) -> _Cell:
+    """K_L and a load bias solved for at this omega_n and zeta."""
+    omega_n, zeta = at
+    model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed)
+    x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
+    K_L, bias, cost = linear_gain(model, cut, x, measured_places(cut))
+    return _Cell(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
 
 
 def _begun(cell: _Cell, cut: Cut) -> tuple[Model, Array]:
@@ -201,6 +207,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         omega_n=omega_n,
         span_s=max(float(one.t[-1] - one.t[0]) for one in used),
         tick_s=max(one.tick for one in used),
+        step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
         warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
         pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
     )

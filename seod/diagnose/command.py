@@ -85,7 +85,9 @@ def diagnose(
     rig = rated(wishes.config, wishes.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
     every = [
-        series(each, defects.bad, sees_speed=sees_speed, step=defects.step, **rig.conditions)
+        series(
+            each, defects.bad, sees_speed=sees_speed, step=defects.step, late=defects.late, **rig.conditions
+        )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
     to_fit, aside = cut(every, len(holdout))
@@ -143,7 +145,7 @@ def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
-    for one in (begun.near, begun.whole, begun.damped):
+    for one in (begun.near, begun.whole, begun.swung):
         if all(_differ(one, root) for root in roots):
             other = replace(one.model, scales=sizes)
             nothing = np.zeros(len(one.x), np.bool_)

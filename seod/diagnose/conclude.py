@@ -134,12 +134,18 @@ def _record_effects(checked: Sequence[Defects], held: HeldOut) -> list[FoundEffe
     """Defects of the recordings, named as effects; rows that are none were left out of all figures."""
     out: dict[str, FoundEffect] = {}
     same = Gain(held.nrmse, held.nrmse)
-    for defects in checked:
-        for each in defects.found:
+    for k, defects in enumerate(checked):
+        for each in defects.confirmed(_left(held, k)):
             out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
         if defects.step > 0.0 and "sensor_quantization" not in out:
             out["sensor_quantization"] = _coarse(defects, held)
     return list(out.values())
+
+
+def _left(held: HeldOut, file: int) -> float:
+    """Mean squared error of a recording's windows held out; infinite where it has none."""
+    own = [square for square, (k, _, _) in zip(held.square, held.cut.windows, strict=True) if k == file]
+    return float(np.mean(own)) if own else math.inf
 
 
 def _coarse(defects: Defects, held: HeldOut) -> FoundEffect:

@@ -21,6 +21,8 @@ PLAYING: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
 
 WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
+STEPS_SEEN: Final = 3.0
+"""Of a coarse sensor to a wave, at least: the waves of its rounding are as long as a step, or parts of it."""
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
 """Effects that are a wave: searched as cosine and sine parts, which act nearly linearly."""
 
@@ -77,6 +79,7 @@ class Scales:
         omega_n: Of the baseline [rad/s].
         span_s: Length of the longest recording [s].
         tick_s: Sampling interval [s].
+        step: Of a coarse sensor of positions [unit], 0 where none is seen.
         warmer: The temperature changes.
         pressed: The supply pressure changes.
     """
@@ -90,6 +93,7 @@ class Scales:
     omega_n: float
     span_s: float
     tick_s: float
+    step: float = 0.0
     warmer: bool = False
     pressed: bool = False
 
@@ -256,9 +260,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
         ),
         **_group(
             "position_ripple",
-            _wave(
-                "position_ripple", 0.01 * s.swing, 0.03 / s.travel, 2.0 * math.pi * WAVES_SEEN / s.travel, 1e6
-            ),
+            _wave("position_ripple", 0.01 * s.swing, 0.03 / s.travel, *_repeating(s)),
         ),
         **_group(
             "sensor_lag",
@@ -266,6 +268,12 @@ def _sensor(s: Scales) -> dict[str, Group]:
             *((min(x / s.omega_n, 0.05),) for x in (0.1, 0.5)),
         ),
     }
+
+
+def _repeating(s: Scales) -> tuple[float, float]:
+    """Wavenumbers of a ripple [rad/unit]: longer waves are a bend, shorter ones a sensor's rounding."""
+    highest = 2.0 * math.pi / (STEPS_SEEN * s.step) if s.step > 0.0 else 1e6
+    return min(2.0 * math.pi * WAVES_SEEN / s.travel, 0.5 * highest), highest
 
 
 def _plant(s: Scales) -> dict[str, Group]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,6 +28,11 @@ MISSING: Final = 5e-4
 """Part of the samples that may be missing without a word."""
 MOSTLY_NOISE: Final = 0.5
 """Part of y's deviation from which on its samples' errors are all there is."""
+_LARGEST: Final = 1e100
+ABSURD: Final = 1e9
+"""Times the spread of nearly all readings beyond which one is none: its square may not be a number."""
+CONTRADICTED: Final = 0.85
+"""Mean squared error of a simulation over what late samples would have, below which they are none."""
 CLIPPED_RUN: Final = 4
 """Readings in a row that stand at the end of the range."""
 
@@ -55,12 +60,14 @@ class Defects:
         bad: Rows whose `y` is not to be believed: outliers, readings at the end of the range; shape (n,).
         found: Defects with numbers.
         counts: The step of a coarse sensor.
+        late: Mean squared error of samples taken at other times than told [unit^2 of y], 0 without jitter.
         remarks: What a person should look at, in sentences.
     """
 
     bad: Mask
     found: tuple[Defect, ...] = ()
     counts: Counts = field(default_factory=Counts)
+    late: float = 0.0
     remarks: tuple[str, ...] = ()
 
     @property
@@ -68,25 +75,37 @@ class Defects:
         """Of a coarse sensor [unit of y]; 0 where none is seen."""
         return self.counts.step
 
+    def confirmed(self, left: float) -> tuple[Defect, ...]:
+        """Those that agree with a model whose simulation leaves this mean squared error [unit^2 of y].
+
+        Where it is less than late samples would have, what looked like them were corners of the signal.
+        """
+        if left >= CONTRADICTED * self.late:
+            return self.found
+        return tuple(each for each in self.found if each.name != "timing_jitter")
+
 
 def examine(recording: Recording) -> Defects:
     """Look for defects in one recording."""
     name = str(recording.paths[0]) if recording.paths else "recording"
-    present = np.isfinite(recording.y)
-    rows = np.flatnonzero(present)
+    present, absurd = np.isfinite(recording.y), _absurd(recording.y)
+    recording = replace(recording, y=np.where(absurd, np.nan, recording.y))
+    rows = np.flatnonzero(present & ~absurd)
     remarks = column_remarks(name, recording)
     if len(rows) < FEWEST or np.ptp(recording.y[rows]) == 0.0:
-        return Defects(np.zeros(len(present), np.bool_), remarks=tuple(remarks))
+        return Defects(absurd, remarks=tuple(remarks))
     bad = clipped(recording.y)
     if bad.any():
         remarks.append(_clipped_remark(name, recording.y[bad]))
+    bad |= absurd
     rest = rows[~bad[rows]]
     found = stencils(recording.t, recording.y, rest)
     if found.noise > MOSTLY_NOISE * float(np.std(recording.y[rest])):
         remarks.append(f"{name}: y is mostly noise: does the load move, is it the right column?")
     step = counts(recording.y[rest], found.noise)
     late = timing_jitter(found, recording.t[rest], recording.y[rest]) if step.step == 0.0 else Jitter()
-    off = outliers(found, late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found))
+    spread = late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found)
+    off = outliers(found, spread)
     bad[off.rows] = True
     told = [_missing(recording.t, present)]
     if off.p_value < 1.0:
@@ -94,7 +113,18 @@ def examine(recording: Recording) -> Defects:
     if late.deviation > 0.0:
         values, ends = {"deviation": late.deviation}, {"deviation": late.ci95}
         told.append(_named("timing_jitter", values, ends, late.p_value))
-    return Defects(bad, tuple(each for each in told if each), step, tuple(remarks))
+    error = float(np.mean(spread[found.usable] ** 2)) if late.deviation > 0.0 else 0.0
+    return Defects(bad, tuple(each for each in told if each), step, error, tuple(remarks))
+
+
+def _absurd(y: Array) -> Mask:
+    """Readings that lie beyond all bounds, shape (n,)."""
+    near = np.isfinite(y) & (np.abs(y) < _LARGEST)
+    if not near.any():
+        return np.isfinite(y)
+    middle = float(np.median(y[near]))
+    spread = float(np.quantile(np.abs(y[near] - middle), 0.99))
+    return np.isfinite(y) & ~(near & ((spread == 0.0) | (np.abs(y / ABSURD - middle / ABSURD) <= spread)))
 
 
 def _named(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import WAVES
+from seod.diagnose.coordinates import WAVES, WAVES_SEEN
 
 if TYPE_CHECKING:
     from seod.diagnose.answer import Array
@@ -55,7 +55,7 @@ def _over(position: Array, residual: Array) -> list[float]:
     count = np.bincount(index, minlength=_BINS)
     total = np.bincount(index, weights=residual, minlength=_BINS)
     mean = np.where(count > 0, total / np.maximum(count, 1), 0.0)
-    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=1)
+    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=math.ceil(WAVES_SEEN * _FINER))
 
 
 def _peaks(signal: Array, step: float, lowest: int) -> list[float]:

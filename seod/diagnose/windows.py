@@ -54,6 +54,7 @@ class Series:
         window_s: Length of its windows [s].
         period_s: Dominant period [s].
         sees_speed: `y` is a speed.
+        step: Of a coarse sensor [unit of y], 0 where none is seen.
     """
 
     t: Array
@@ -67,6 +68,7 @@ class Series:
     window_s: float
     period_s: float
     sees_speed: bool
+    step: float = 0.0
 
     @property
     def tick(self) -> float:
@@ -80,12 +82,14 @@ def series(
     *,
     sees_speed: bool = False,
     step: float = 0.0,
+    late: float = 0.0,
     nominal_ps: float | None = None,
     nominal_temperature: float | None = None,
 ) -> Series:
     """A recording prepared; rows that are `bad` do not count.
 
-    A coarse sensor's `step` is noise of step / sqrt(12), as far as differences do not show it already.
+    A coarse sensor's `step` is noise of step / sqrt(12), as far as differences do not show it already, and so
+    is `late`, the mean square of the errors of samples taken at other times than told.
 
     Raises:
         DiagnoseError: It has no command, too few samples, or one that never changes.
@@ -105,7 +109,7 @@ def series(
     t, y = recording.t, np.where(good, recording.y, 0.0)
     t_u = t if recording.t_u is None else np.where(np.isfinite(recording.t_u), recording.t_u, t)
     noise, period_s = noise_sd(t, y, good), 1.0 / dominant_hz(t, y, good)
-    least = max(1e-9 * float(np.std(y[good])), step / math.sqrt(12.0))
+    least = max(1e-9 * float(np.std(y[good])), step / math.sqrt(12.0), math.sqrt(late))
     return Series(
         t=np.ascontiguousarray(t),
         y=y,
@@ -118,6 +122,7 @@ def series(
         window_s=_window_s(t, period_s),
         period_s=period_s,
         sees_speed=sees_speed,
+        step=step,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from hidden_baseline import best_baseline
 from hidden_drives import EXCITATIONS, make_drive
+from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_rig import Rig, simulate
 from hidden_strength import BRISTLES, DEFECTS, LISTED, UNLISTED, drawn, effects_of, sizes
 from scipy.signal import detrend, lfilter
@@ -24,6 +25,8 @@ ALIKE = (
 """Not hidden together: two of one family."""
 
 
+HYSTERESIS = 4.0
+"""Of relays, over the noise that is expected."""
 MOST_JITTER = 0.35
 """Ticks: more would exchange samples."""
 
@@ -37,8 +40,10 @@ class Case:
         kind: `one`, `two`, `clean` or `unlisted`.
         causes: Names, as a diagnosis should say them; of an unlisted one our own.
         rig: With the effects.
-        visible: By cause: what the best baseline leaves of it alone, over the noise.
+        visible: By cause, over the noise: what the best baseline leaves of it, beside another cause the best
+            plant with that one; of an unlisted one what the best plant with a listed one leaves.
         noise: Standard deviation [unit].
+        hysteresis: Of the relay, of its signal [unit, or unit s]: it must not switch on the noise.
     """
 
     number: int
@@ -53,6 +58,7 @@ class Case:
     latency: float
     visible: dict[str, float] = field(default_factory=dict)
     noise: float = 0.0
+    hysteresis: float = 0.0
     defects: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -116,6 +122,8 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
         tick = min(0.3 / omega_n, 4e-3)
     duration = 20.0 if omega_n > 80.0 else 30.0
     latency = float(random.choice([0.0, 0.0, 3e-4]))
+    if "timing_jitter" in causes:  # a command follows from a sample that may be late
+        latency = 0.5 * tick
     kind_of_drive = excitation or str(random.choice(EXCITATIONS))
     volts = float(np.exp(random.uniform(-1.0, 1.0)))
     return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
@@ -125,6 +133,7 @@ def _strong(case: Case, random) -> Case:
     """The case with effects of a drawn visibility, 3.3 to 30 times the noise."""
     base, u = run(case)
     z = sizes(base, u, case.tick, sees_speed=case.rig.sees_speed)
+    case = replace(case, hysteresis=HYSTERESIS * case.noise_part * z.place)
     effects, visible = {}, {}
     for cause in case.causes:
         wanted = math.exp(random.uniform(math.log(1.1 * LEAST), math.log(10.0 * LEAST)))
@@ -136,15 +145,34 @@ def _strong(case: Case, random) -> Case:
         one, visible[cause] = _of_visibility(case, cause, wanted, z, drawn(cause, random))
         effects.update(one)
     rig = replace(case.rig, effects=effects)
-    whole = replace(case, rig=rig, visible=visible)
-    y, u = run(whole)
+    return _fair(replace(case, rig=rig, visible=visible))
+
+
+def _fair(case: Case) -> Case:
+    """The case with its noise and what is visible in its record, if that is a fair test."""
+    y, quiet = run(case)
     noise = case.noise_part * float(np.std(detrend(y)))
-    if effects and _left(whole, y, u) < LEAST * noise:
+    random = np.random.default_rng([case.number, 4]).normal(0.0, noise, len(y))
+    seen, u = run(case, random)
+    relay = case.excitation in {"relay", "two-phase"}
+    if not moves(seen, noise) or (relay and chatters(u, quiet)):
+        raise Invisible(f"{case.causes}: the load is stuck, or the relay follows the noise")
+    left = {
+        name: _left_of(case, name, seen - random, u) / noise for name in case.causes if name not in DEFECTS
+    }
+    if min(left.values(), default=LEAST) < LEAST:
         raise Invisible(str(case.causes))
-    seen, _ = run(whole, np.random.default_rng(case.number).normal(0.0, noise, len(whole.t)))
-    if noise > 2.0 * case.noise_part * float(np.std(detrend(seen))):  # a loop on noise that moves nothing
-        raise Invisible(str(case.causes))
-    return replace(whole, noise=noise)
+    return replace(case, noise=noise, visible=case.visible | left)
+
+
+def _left_of(case: Case, cause: str, y, u) -> float:
+    """The rms that is left of a cause in this record, without noise."""
+    alone, given = _left(case, y, u), {"supply": supply_of(case), "latency": case.latency}
+    if alone < LEAST * case.noise_part * float(np.std(detrend(y))):
+        return alone
+    if case.kind == "unlisted":
+        return min(alone, left_by_list(case.rig, y, u, case.t, **given))
+    return alone if case.kind == "one" else left_beside(case.rig, cause, y, u, case.t, **given)
 
 
 def _defect(cause, wanted, noise, z, tick, random) -> dict[str, float]:
@@ -197,7 +225,8 @@ def supply_of(case: Case):
 def run(case: Case, noise=None):
     """Readings and commands, without noise unless it is given."""
     t = case.t
-    drive = make_drive(case.excitation, case.rig, t, case.volts, np.random.default_rng([case.number, 1]))
+    random = np.random.default_rng([case.number, 1])
+    drive = make_drive(case.excitation, case.rig, t, case.volts, random, case.hysteresis)
     seen_at = None
     if "jitter" in case.defects:
         random = np.random.default_rng([case.number, 2])

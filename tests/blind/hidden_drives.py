@@ -10,13 +10,13 @@ from hidden_rig import GIVEN, RELAY, SERVO, Drive
 EXCITATIONS = ("relay", "two-phase", "multisine", "steps", "operation")
 
 
-def make_drive(excitation: str, rig, t, volts: float, random) -> Drive:
+def make_drive(excitation: str, rig, t, volts: float, random, hysteresis: float = 0.0) -> Drive:
     """The drive for this plant; `volts` is the relay's amplitude, or the largest command."""
     n = len(t)
     if excitation == "relay":
-        return Drive(RELAY, np.zeros(n), (volts, 0.0, 0.0, 0.0))
+        return Drive(RELAY, np.zeros(n), (volts, 0.0, 0.0, 0.0, hysteresis))
     if excitation == "two-phase":
-        return Drive(RELAY, np.zeros(n), (volts, 0.0, 3.0, 0.0))
+        return Drive(RELAY, np.zeros(n), (volts, 0.0, 3.0, 0.0, hysteresis))
     if excitation == "multisine":
         return Drive(GIVEN, multisine(t, volts, rig.omega_n, random))
     if excitation == "steps":

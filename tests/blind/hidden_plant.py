@@ -205,18 +205,20 @@ def go(p, m, w, until, longest, supply, gust, k):
 
 
 @njit(cache=True, error_model="numpy")
-def run(p, m, w, t, u, kind, c, noise, supply, gusts, latency, longest, y):
+def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest, y):
     """Rows of a record: fills `y`, and `u` unless it is given. `c` is the controller's.
 
-    Relay: amplitude, bias, cycles, reference; servo: gain, and the references in `u`.
+    Samples are taken at `seen_at`; commands leave at the times `t`, `latency` later.
+
+    Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
     k4, memory, given = np.zeros((3, 8)), np.zeros(8), 0
     for k in range(len(t)):
-        while given < k and t[given] + latency + p.delay <= t[k]:
+        while given < k and t[given] + latency + p.delay <= seen_at[k]:
             go(p, m, w, t[given] + latency + p.delay, longest, supply[k], gusts[k], k4)
             arrive(p, m, w, u[given])
             given += 1
-        go(p, m, w, t[k], longest, supply[k], gusts[k], k4)
+        go(p, m, w, seen_at[k], longest, supply[k], gusts[k], k4)
         y[k] = (w[LAGGED] if p.sensor_lag > 0.0 else seen(p, m, w)) + noise[k]
         if p.count > 0.0:
             y[k] = math.floor(y[k] / p.count + 0.5) * p.count

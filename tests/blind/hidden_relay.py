@@ -8,9 +8,13 @@ from numba import njit
 def relay(c, memory, t, signal, k):
     """Two-phase where `c[2]`: that many cycles as they are, as many late by a quarter of a period.
 
+    It switches where the signal is beyond `c[4]`: without hysteresis it follows the noise when a load sticks.
+
     `memory`: asked sign, shown sign, when it follows, last upward switch, period, cycles, lateness, integral.
     """
     asked = -1.0 if signal > 0.0 else 1.0
+    if k > 0 and abs(signal) < c[4]:
+        asked = memory[0]
     if k == 0:
         memory[:] = 0.0
         memory[0] = memory[1] = asked

@@ -122,7 +122,7 @@ class Drive:
 
     kind: int
     u: np.ndarray
-    settings: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    settings: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, latency=0.0, seen_at=None):
@@ -140,7 +140,7 @@ def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, lat
     settings = np.array(drive.settings)
     longest = LONGEST / 4.0 if s["bristle_stiffness"] > 0.0 else LONGEST
     hidden_plant.run(
-        s, m[0], w, times, u, drive.kind, settings, noise, supply, gusts, latency, longest, y
+        s, m[0], w, t, times, u, drive.kind, settings, noise, supply, gusts, latency, longest, y
     )  # fmt: skip
     return y, u
 

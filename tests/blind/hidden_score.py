@@ -18,11 +18,16 @@ def expected(causes) -> set[str]:
 
 
 def outcome(kind: str, causes, told: dict[str, Any]) -> str:
-    """`exact`; `within`: the cause is among those said to be indistinguishable; `wrong`."""
+    """`exact`; `within`: the cause is among those said to be indistinguishable; `wrong`.
+
+    The verdict counts too: `effects` where listed causes are hidden; bristles are not quite the dry friction.
+    """
     if kind == "clean":
         return "exact" if told["verdict"] == "clean" and not told["effects"] else "wrong"
     if kind == "unlisted":
         return "exact" if told["verdict"] == "unexplained" else "wrong"
+    if told["verdict"] not in ({"effects", "unexplained"} if BRISTLES in causes else {"effects"}):
+        return "wrong"
     wanted, named = expected(causes), {each["name"] for each in told["effects"]}
     if BRISTLES in causes and named == FRICTIONS:
         return "exact"

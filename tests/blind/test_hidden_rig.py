@@ -7,8 +7,9 @@ import pytest
 from hidden_baseline import best_baseline
 from hidden_cases import Invisible, draw, run
 from hidden_drives import EXCITATIONS
+from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_records import make_record, write
-from hidden_rig import GIVEN, Drive, Rig, simulate
+from hidden_rig import GIVEN, RELAY, Drive, Rig, simulate
 from hidden_strength import DEFECTS, LISTED, UNLISTED
 from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen
 from plant_truth import Plant
@@ -88,6 +89,50 @@ def test_a_hidden_effect_is_visible_over_the_noise(excitation):
     assert case.noise == pytest.approx(
         0.01 * np.std(y - np.polyval(np.polyfit(case.t, y, 1), case.t)), rel=1e-6
     )
+
+
+def test_a_load_at_rest_is_no_record():
+    t, random = np.arange(2000), np.random.default_rng(1)
+    noise = random.normal(0.0, 0.01, len(t))
+    assert moves(np.sin(0.1 * t) + noise, 0.01)
+    assert not moves(np.where(t < 700, np.sin(0.1 * t), 0.0) + noise, 0.01)
+
+
+@pytest.mark.parametrize(("hysteresis", "follows"), [(0.0, True), (0.1, False)])
+def test_a_relay_with_hysteresis_does_not_follow_the_noise(hysteresis, follows):
+    rig = Rig(K_L, OMEGA_N, ZETA, {"coulomb_friction": {"level": 2.0 * K_L * OMEGA_N**2 / 100.0}})
+    t, noise = np.arange(0.0, 2.0, 1e-3), np.random.default_rng(1).normal(0.0, 0.02, 2000)
+    drive = Drive(RELAY, np.zeros(len(t)), (0.2, 0.0, 0.0, 0.0, hysteresis))
+    (_, quiet), (_, u) = simulate(rig, t, drive), simulate(rig, t, drive, noise)
+    assert chatters(u, quiet) == follows
+
+
+@pytest.mark.parametrize(
+    ("cause", "values", "least", "most"),
+    [("valve_lag", {"time": 4e-3}, 0.0, 0.1), ("backlash", {"gap": 0.1}, 0.2, 1.0)],
+    ids=["imitated", "not imitated"],
+)
+def test_what_a_sensors_lag_takes_up_beside_it_does_not_count(cause, values, least, most):
+    t = np.arange(0.0, 2.0, 1e-3)
+    u = np.repeat(np.random.default_rng(4).choice([-1.0, 1.0], 40), 50)
+    rig = Rig(17.0, 60.0, 0.5, {cause: values, "sensor_lag": {"time": 4e-3}})
+    y, _ = simulate(rig, t, Drive(GIVEN, u))
+    alone = best_baseline(y, u, 1e-3, (17.0, 60.0, 0.5)).rms
+    assert least <= left_beside(rig, cause, y, u, t) / alone <= most
+
+
+@pytest.mark.parametrize(
+    ("effects", "least", "most"),
+    [({"coulomb_friction": {"level": 100.0}}, 0.0, 0.2), ({"slew": {"strength": 30.0}}, 0.2, 1.0)],
+    ids=["listed", "not listed"],
+)
+def test_what_the_list_can_imitate_does_not_count(effects, least, most):
+    t = np.arange(0.0, 1.0, 2e-3)
+    u = np.repeat(np.random.default_rng(4).choice([-1.0, 1.0], 20), 25)
+    rig = Rig(17.0, 60.0, 0.5, effects)
+    y, _ = simulate(rig, t, Drive(GIVEN, u))
+    alone = best_baseline(y, u, 2e-3, (17.0, 60.0, 0.5)).rms
+    assert least <= left_by_list(rig, y, u, t) / alone <= most
 
 
 def test_what_a_relay_cannot_see_is_not_hidden_under_it():

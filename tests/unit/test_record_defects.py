@@ -91,6 +91,23 @@ def test_timing_jitter_is_told_from_noise_by_the_slope(seed):
     assert defect.p_value < 1e-6
 
 
+def test_a_model_that_leaves_less_than_late_samples_would_have_takes_the_jitter_back():
+    taken = jittered(T, 2.5e-4, np.random.default_rng(50))
+    found = examine(recording(movement(6.0 * taken) + noisy(1) - movement(T)))
+    due = NOISE**2 + 2.5e-4**2 * np.mean(np.gradient(movement(6.0 * T), T) ** 2)
+    assert found.late == pytest.approx(due, rel=0.1)
+    assert [each.name for each in found.confirmed(due)] == ["timing_jitter"]
+    assert found.confirmed(0.7 * due) == ()
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e40])
+def test_one_reading_beyond_all_bounds_is_left_out(value):
+    y = noisy()
+    y[4000] = value
+    found = examine(recording(y))
+    assert found.bad.tolist() == (np.arange(len(y)) == 4000).tolist()
+
+
 def test_a_quick_signal_with_little_noise_has_no_jitter():
     burst = np.maximum(np.sin(2.0 * T), 0.0) ** 2 * np.sin(400.0 * T)
     found = examine(recording(burst + 0.1 * noisy()))
