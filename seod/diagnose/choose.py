@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from seod.diagnose.begin import simulated_states
-from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
-from seod.diagnose.score import HeldOut, held_out, wholes
 from seod.diagnose.select import AS_WELL, GAIN
+from seod.diagnose.thin import plainer, thinned
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import undivided
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from seod.diagnose.fit import Fitted
     from seod.diagnose.screen import Screen
     from seod.diagnose.select import Grown
     from seod.diagnose.windows import Cut
@@ -27,24 +26,6 @@ LOOKED_AT: Final = 4
 """Sets of each size that are fitted to whole recordings, where none comes down to the noise."""
 MISFIT_GAIN: Final = 0.2
 """What an effect must save there, where any effect takes up a little of what is wrong."""
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """A set of effects fitted to all windows, and its simulation of those held out."""
-
-    found: Fitted
-    held: HeldOut
-
-    @classmethod
-    def of(cls, found: Fitted, aside: Cut) -> Self:
-        """A fitted set, simulated where no fit has seen."""
-        return cls(found, held_out(found.model, found.x, aside))
-
-    @property
-    def whole(self) -> float:
-        """NRMSE of one simulation of each whole recording."""
-        return wholes(self.found.model, self.found.x, self.held.cut)[1]
 
 
 class Choice(NamedTuple):
@@ -69,7 +50,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     if best.held.adequacy > ADEQUATE:
         plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
         best, base, least = min((best, *sets), key=_unseen), min((base, plain), key=_unseen), MISFIT_GAIN
-    own, rest = thinned(best, grown, aside, screen, least)
+    own, rest = thinned(plainer(best, aside, screen, least), grown, aside, screen, least)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
 
 
@@ -77,7 +58,8 @@ def _over_whole(
     base: Fitted, grown: Grown, wide: Cut, aside: Cut, screen: Screen
 ) -> tuple[Judged, list[Judged]]:
     """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there."""
-    over, plain, sets = screen.budget.looking(), refined(base, wide, screen), list[Fitted]()
+    over, plain = screen.budget.looking(), refined(base, wide, screen)
+    sets: list[Fitted] = []
     for one in _looked_at(grown):
         if over():
             break
@@ -111,53 +93,6 @@ def worse(one: Judged, base: Judged) -> bool:
 def _unseen(one: Judged) -> float:
     """Log squared errors of windows held out and of one simulation of the whole recording."""
     return 2.0 * math.log(one.held.nrmse + 1e-300) + 2.0 * math.log(one.whole + 1e-300)
-
-
-def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
-    """The same fitted to all windows."""
-    start = simulated_states(found.model, found.x, cut)
-    return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
-
-
-def without(found: Fitted, name: str, screen: Screen) -> Fitted:
-    """A set without one of its effects, fitted anew to the same windows."""
-    cut = found.cut
-    model = found.model.without(name)
-    x = model.searched(found.model.values(found.x))
-    start = simulated_states(model, x, cut)
-    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
-
-
-def thinned(
-    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float = GAIN
-) -> tuple[Judged, dict[str, Judged]]:
-    """Without the effects that gain too little, and of those left the set without each.
-
-    They have to gain where they were fitted, and on the windows held out (`aside`).
-    """
-    while True:
-        rest = {name: _left(own.found, name, grown, aside, screen) for name in own.found.model.names}
-        if not rest:
-            return own, {}
-        least = min(rest.values(), key=lambda one: _gain(one, own))
-        if _gain(least, own) >= enough:
-            return own, rest
-        own = least
-
-
-def _left(found: Fitted, name: str, grown: Grown, aside: Cut, screen: Screen) -> Judged:
-    """A set without one of its effects: fitted from where the set is, and from where it was found without."""
-    rest = [without(found, name, screen)]
-    before = grown.tried.get(frozenset(rest[0].model.names))
-    if before is not None:
-        rest.append(refined(before, found.cut, screen))
-    return Judged.of(min(rest, key=lambda one: one.cost), aside)
-
-
-def _gain(fewer: Judged, more: Judged) -> float:
-    """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
-    held = fewer.held.log_error - more.held.log_error
-    return min(fewer.found.cost - more.found.cost, 2.0 * held)
 
 
 def plainest(some: Sequence[Fitted]) -> Fitted:

@@ -12,11 +12,12 @@ import numpy as np
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import Begun, baseline, scales, simulated_states
 from seod.diagnose.budget import SEARCH_S, Budget
-from seod.diagnose.choose import Judged, choose
+from seod.diagnose.choose import choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
 from seod.diagnose.fit import fit
+from seod.diagnose.judge import Judged
 from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.rated import rated
 from seod.diagnose.score import held_out

@@ -14,8 +14,8 @@ from seod.diagnose.select import AS_WELL
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from seod.diagnose.choose import Judged
     from seod.diagnose.fit import Fitted
+    from seod.diagnose.judge import Judged
     from seod.diagnose.score import HeldOut
     from seod.diagnose.screen import Screen
 

@@ -1,0 +1,44 @@
+"""A set of effects fitted to all windows, and what it is worth where no fit has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from seod.diagnose.begin import simulated_states
+from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.score import HeldOut, held_out, wholes
+
+if TYPE_CHECKING:
+    from seod.diagnose.screen import Screen
+    from seod.diagnose.windows import Cut
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A set of effects fitted to all windows, and its simulation of those held out."""
+
+    found: Fitted
+    held: HeldOut
+
+    @classmethod
+    def of(cls, found: Fitted, aside: Cut) -> Self:
+        """A fitted set, simulated where no fit has seen."""
+        return cls(found, held_out(found.model, found.x, aside))
+
+    @property
+    def whole(self) -> float:
+        """NRMSE of one simulation of each whole recording."""
+        return wholes(self.found.model, self.found.x, self.held.cut)[1]
+
+
+def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
+    """The same fitted to all windows."""
+    start = simulated_states(found.model, found.x, cut)
+    return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
+
+
+def gain(fewer: Judged, more: Judged) -> float:
+    """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
+    held = fewer.held.log_error - more.held.log_error
+    return min(fewer.found.cost - more.found.cost, 2.0 * held)

@@ -1,0 +1,81 @@
+"""What a set of effects does not need: effects that gain too little, and richer forms of a simple one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.begin import simulated_states
+from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.judge import Judged, gain, refined
+from seod.diagnose.select import GAIN
+
+if TYPE_CHECKING:
+    from seod.diagnose.coordinates import Values
+    from seod.diagnose.model import Model
+    from seod.diagnose.screen import Screen
+    from seod.diagnose.select import Grown
+    from seod.diagnose.windows import Cut
+
+PLAIN: Final = {"stribeck_friction": "coulomb_friction", "load_spring": "load_bias"}
+"""Effects that become another one at the end of their range: friction that does not fall within the speeds
+there are, a spring whose centre is far away."""
+
+
+def plainer(own: Judged, aside: Cut, screen: Screen, enough: float = GAIN) -> Judged:
+    """The set with the plain form of effects, where the richer one gains too little over it."""
+    for rich, plain in PLAIN.items():
+        names = own.found.model.names
+        if rich in names and plain not in names:
+            other = Judged.of(_exchanged(own.found, rich, plain, screen), aside)
+            own = other if gain(other, own) < enough else own
+    return own
+
+
+def _exchanged(found: Fitted, rich: str, plain: str, screen: Screen) -> Fitted:
+    """A set with `plain` in the place of `rich`, fitted anew to the same windows."""
+    values = found.model.values(found.x)
+    size = {
+        "coulomb_friction": {"coulomb_friction.level": values.get(f"{rich}.level", 0.0)},
+        "load_bias": {
+            "load_bias.acceleration": values.get(f"{rich}.stiffness", 0.0) * values.get(f"{rich}.centre", 0.0)
+        },
+    }[plain]
+    model = found.model.without(rich).with_effect(plain)
+    return _fitted(model, values | size, found.cut, screen)
+
+
+def _fitted(model: Model, values: Values, cut: Cut, screen: Screen) -> Fitted:
+    x = model.searched(values)
+    start = simulated_states(model, x, cut)
+    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
+
+
+def without(found: Fitted, name: str, screen: Screen) -> Fitted:
+    """A set without one of its effects, fitted anew to the same windows."""
+    return _fitted(found.model.without(name), found.model.values(found.x), found.cut, screen)
+
+
+def thinned(
+    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float = GAIN
+) -> tuple[Judged, dict[str, Judged]]:
+    """Without the effects that gain too little, and of those left the set without each.
+
+    They have to gain where they were fitted, and on the windows held out (`aside`).
+    """
+    while True:
+        rest = {name: _left(own.found, name, grown, aside, screen) for name in own.found.model.names}
+        if not rest:
+            return own, {}
+        least = min(rest.values(), key=lambda one: gain(one, own))
+        if gain(least, own) >= enough:
+            return own, rest
+        own = least
+
+
+def _left(found: Fitted, name: str, grown: Grown, aside: Cut, screen: Screen) -> Judged:
+    """A set without one of its effects: fitted from where the set is, and from where it was found without."""
+    rest = [without(found, name, screen)]
+    before = grown.tried.get(frozenset(rest[0].model.names))
+    if before is not None:
+        rest.append(refined(before, found.cut, screen))
+    return Judged.of(min(rest, key=lambda one: one.cost), aside)
