@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from seod.diagnose.model import Model
     from seod.diagnose.windows import Series
 
-DAMPINGS: Final = (0.1, 0.4, 1.2)
+DAMPINGS: Final = (0.1, 0.4, 1.2, 5.0)
 FREQUENCIES: Final = 14
 LOWEST: Final = 0.3
 """Searched frequency over the dominant one, at least; half a period is in each window, too."""
