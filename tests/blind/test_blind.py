@@ -44,7 +44,7 @@ PAIRS = [
 UNLISTED = [("gusts", "multisine", True), ("volume", "steps", False)]
 SECONDS = 12.0
 LOOKS_A_SECOND = 150.0
-"""At its budget in a second of a usual processor: searches are bounded by what they try, not by the machine."""
+"""At its budget in a second of a usual processor: searches are bounded by trials, not by the machine."""
 
 
 def told_of(case, folder):
