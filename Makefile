@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format unit blind processes vm wheel bench lock clean
+.PHONY: run test lint format unit fuzz blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -33,6 +33,10 @@ format: $(READY)
 
 unit: $(READY)
 	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not processes"
+
+# New random examples for parsers, configurations and estimators: what fails becomes an @example.
+fuzz: $(READY)
+	SEOD_EXAMPLES=new $(BIN)/pytest tests/unit -n auto -m hypothesis
 
 blind: $(READY)
 	$(BIN)/pytest tests/blind -n auto

@@ -24,6 +24,7 @@ SOURCES = (
     "runs.py",
     "state.py",
     "substep.py",
+    "windows.py",
 )
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Iterator
@@ -31,6 +32,11 @@ MARK = "SEOD_TEST_PROCESS"
 """Environment variable inherited by all that a test starts: finds processes that lost their parent."""
 
 os.environ[MARK] = str(os.getpid())
+
+settings.register_profile("repeated", derandomize=True)
+settings.register_profile("new")
+settings.load_profile(os.environ.get("SEOD_EXAMPLES", "repeated"))
+"""Examples of hypothesis are the same in each run; `make fuzz` looks for new ones."""
 
 
 def open_descriptors() -> Found:

@@ -159,6 +159,7 @@ def test_every_command_of_this_version_is_there():
             "check",
             "latency",
             "calibrate",
+            "diagnose",
             "simulate",
             "info",
             "export",

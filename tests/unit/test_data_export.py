@@ -157,7 +157,7 @@ def test_a_recording_with_two_axes(tmp_path):
     write_mcap(tmp_path / "a.mcap", table, ("pitch", "roll"), [note])
     with open_source(tmp_path / "a.mcap") as opened:
         done = export(opened, "mat", tmp_path / "a.mat")
-    others = "/estimates/pitch, /estimates/roll, /events, /health, /counters"
+    others = "/estimates/pitch, /model_errors/pitch, /estimates/roll, /model_errors/roll, /events, /health, /counters"
     assert done.said == [f"also in it, `--group NAME` exports it: {others}"]
     content = scipy.io.loadmat(tmp_path / "a.mat", simplify_cells=True)
     assert content["roll"]["y"].tolist() == table["axes"]["y"][:, 1].tolist()
