@@ -49,6 +49,21 @@ def stretch(t, y, u, first=400, last=1400):
 # ---- the models
 
 
+def test_a_rig_that_keeps_to_its_model_is_not_accused():
+    """The statistic of noise alone: mean about 0, deviation about 1 as theory has it, no news in 30 s."""
+    t, y, u = relay_rows((17.0, 117.0, 0.21), 60_000)
+    rows = [row(*each) for each in zip(t, y, u, strict=True)]
+    at_once = [(*each[:4], each[0], *each[5:]) for each in rows]  # commands leave when they are computed
+    made = list(Stretches(117.0, None).add(at_once))[2:]
+    model, verdict = LinearModel(17.0, 117.0, 0.21), Verdict()
+    errors = [judge(each, model.residual(each), 0.0, "linear") for each in made]
+    statistic = np.array([each.statistic for each in errors])
+    assert len(statistic) > 85
+    assert abs(statistic.mean()) < 0.6
+    assert 0.8 < statistic.std() < 2.0
+    assert not any(verdict.add(each) for each in errors)
+
+
 def test_the_right_linear_model_leaves_noise():
     s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
     error = judge(s, LinearModel(17.0, 117.0, 0.21).residual(s), 0.0, "linear")

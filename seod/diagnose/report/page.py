@@ -49,7 +49,8 @@ def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
         yield f"<h2>Causes, each with all the others in the model</h2>{effects(d, unit)}"
     yield f"<h2>{'Before and after' if d.extends else 'Measured and simulated'}</h2>"
     yield f"{overlay(pictures)}{errors(pictures)}{''.join(wholes(pictures))}"
-    yield f"<h2>Where it fails</h2>{_pair([*fields(pictures), *planes(pictures)])}"
+    fails = "Where it fails" if d.verdict != "clean" else "Where it would fail"
+    yield f"<h2>{fails}</h2>{_pair([*fields(pictures), *planes(pictures)])}"
     left = [checks.whiteness(pictures), checks.input_left(pictures), checks.spectra(pictures)]
     left += [over_blocks(pictures), *filter(None, [checks.distortion(pictures), checks.phase(pictures)])]
     yield f"<h2>What is left, and whether it is noise</h2>{_pair(left)}"
