@@ -25,6 +25,9 @@ CASES = {
     "friction": ["coulomb_friction.level=500"],
     "delay and friction": ["transport_delay.time=1.5e-3", "coulomb_friction.level=300"],
     "backlash": ["backlash.gap=0.02"],
+    "overlap": ["valve_deadband.half_width=0.08"],
+    "stiction of the spool": ["valve_hysteresis.half_width=0.05"],
+    "spring and bias": ["load_spring.stiffness=1500", "load_bias.acceleration=300"],
     "square-root flow": ["square_root_flow.supply=1500"],
 }
 

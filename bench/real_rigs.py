@@ -3,13 +3,15 @@
     python bench/real_rigs.py FOLDER [--rig chirp|positioning]
 
 FOLDER holds `servohydraulic_chirp.csv.gz` and `electromechanical_positioning.csv.gz`; without it nothing is
-done. Fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and of
-the whole record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
+done. First what `seod diagnose` finds; then effects that are given here, by least squares on the whole
+record: fitted are the samples of every other block of 2 s; the errors are those of the blocks between, and
+of the whole record. Of a motor under friction Eq. 1 is a first-order lag: zeta is held at 20 there.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +20,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from seod.data import Recording, read
+from seod.diagnose.command import Options, diagnose
+from sim.effects import EFFECTS
 from sim.parameters import parameters
 from sim.runs import follow
 from sim.state import new_state
@@ -117,6 +121,19 @@ def fitted(data: Recording, case: Case, speed: bool, steps: int) -> tuple[np.nda
     return x, float(np.sqrt(np.mean(error[~fit] ** 2)) / spread), float(np.sqrt(np.mean(error**2)))
 
 
+def searched(data: Recording, speed: bool) -> None:
+    """Two lines: what `seod diagnose` starts from, and what it finds."""
+    begun = time.process_time()
+    d = diagnose([data], (), Options("velocity" if speed else "position"))
+    names = ", ".join(effect.name for effect in d.effects if EFFECTS[effect.name].enters != "record")
+    for name, score in (("seod diagnose: baseline", d.baseline), (names or "nothing", d.extended)):
+        errors = f"held out {100 * score.holdout_nrmse:6.2f} %, whole {100 * score.whole_nrmse:6.2f} %"
+        numbers = f"K_L {score.K_L:.4g}, omega_n {score.omega_n:.4g}, zeta {score.zeta:.3g}"
+        print(f"  {name:44} {errors}   {numbers}", flush=True)
+    effects = {name: d.extended.effects[name] for name in names.split(", ") if name in d.extended.effects}
+    print(f"  {effects}, {d.verdict}, {time.process_time() - begun:.0f} s of processor time", flush=True)
+
+
 def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(
@@ -134,6 +151,7 @@ def main() -> None:
             continue
         data = read(wishes.folder / name)
         print(f"{rig}: {published}")
+        searched(data, speed)
         for case in cases:
             x, held_out, whole = fitted(data, case, speed, wishes.steps)
             numbers = ", ".join(f"{each:.4g}" for each in x)

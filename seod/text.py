@@ -87,7 +87,16 @@ def axis(a: Message) -> str:
         lines.append("  no estimate yet")
     else:
         lines.append(f"  {estimate(a['estimate'])}  age={number(a['estimate']['age_s'], 3)} s")
+    if a.get("model_error"):
+        lines.append(f"  {model_error(a['model_error'])}")
     return "\n".join(lines)
+
+
+def model_error(m: Message) -> str:
+    """How well the rig file's model simulates the rig, in one line."""
+    holds = "has left its model" if m["left"] else "keeps to its model"
+    error = f"error {number(100.0 * m['nrmse'], 3)} % of the movement, statistic {number(m['statistic'], 3)}"
+    return f"the rig {holds}: {error} ({m['model']})"
 
 
 def status(s: Message) -> str:

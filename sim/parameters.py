@@ -34,8 +34,8 @@ SLOTS = (
     "substep",
     "shortest",
 )
-"""Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], and the
-shortest one over it that an orifice may ask for."""
+"""Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], and
+the shortest one over it that an orifice may ask for."""
 
 PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""

@@ -85,7 +85,7 @@ def _valve(p: Record, v: Record, t_u: Array, u: Array, reached: int, t: float) -
 
 @compiled
 def _forgotten(p: Record, t_u: Array, reached: int, t: float) -> int:
-    """The first command, from `reached` on, that the valve's state at `t` can depend on; play forgets none."""
+    """The first command, from `reached` on, that the valve's state at `t` depends on; play forgets none."""
     if p.valve_hysteresis_half_width > 0.0:
         return reached
     since = t - p.transport_delay_time - MEMORY * p.valve_lag_time

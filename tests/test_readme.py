@@ -56,7 +56,12 @@ def test_the_raw_client(port: int) -> None:
 
 
 def test_the_simulated_recording(tmp_path: Path) -> None:
-    (line,) = [line for block in blocks("sh") for line in block.splitlines() if "seod simulate" in line]
+    (line,) = [
+        line
+        for block in blocks("sh")
+        for line in block.splitlines()
+        if "seod simulate" in line and "truth.csv" in line
+    ]
     words = line.replace("configs/", f"{REPO}/configs/").split()
     done = subprocess.run(
         [sys.executable, "-m", "seod.cli", *words[1:]], cwd=tmp_path, capture_output=True, check=True

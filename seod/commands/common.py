@@ -56,6 +56,22 @@ def show(text: str) -> None:
     print(text, flush=True)  # noqa: T201
 
 
+def rising(text: str, option: str) -> tuple[float, float]:
+    """`LOW:HIGH` as numbers.
+
+    Raises:
+        CommandError: It is not that.
+    """
+    low, _, high = text.partition(":")
+    try:
+        pair = float(low), float(high)
+    except ValueError:
+        pair = 0.0, 0.0
+    if not pair[0] < pair[1]:
+        raise CommandError(f"{option} {text}: give two rising numbers, such as 0.5:60")
+    return pair
+
+
 def load(path: Path) -> RigConfig:
     """Read a rig file."""
     from seod.config.load import load_rig  # noqa: PLC0415 - pydantic, and the driver

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import CommandError, app, load, plain_errors, show
+from seod.commands.common import CommandError, app, load, plain_errors, rising, show
 
 
 @app.command()
@@ -39,6 +39,9 @@ def diagnose(
     units: Annotated[
         str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
     ] = "",
+    between: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
 ) -> None:
     """Show what the simulation gets wrong, name the cause, and extend the model."""
@@ -50,7 +53,10 @@ def diagnose(
         rig = None if config is None else (config, load(config))
         if rig is not None and axis is not None and axis not in rig[1].axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig[1].axes)}")
-        wishes = Wishes(holdout or [], rig, out, axis, output, columns, units, as_json)
+        if rig is not None and axis is None and len(rig[1].axes) > 1:
+            raise CommandError(f"{config} has the axes {', '.join(rig[1].axes)}: choose one by --axis")
+        part = None if between is None else rising(between, "--between")
+        wishes = Wishes(holdout or [], rig, out, axis, output, columns, units, part, as_json)
         try:
             show(run(paths, wishes))
         except (ReadError, DiagnoseError, OSError) as error:

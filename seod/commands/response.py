@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from seod.commands.common import CommandError, app, load, plain_errors, show
+from seod.commands.common import CommandError, app, load, plain_errors, rising, show
 
 
 @app.command()
@@ -94,7 +94,7 @@ def response(
             "seed": seed,
         }
         chosen = {name: value for name, value in given.items() if value is not None}
-        part = None if between is None else _pair("--between", between)
+        part = None if between is None else rising(between, "--between")
         wishes = command.Wishes(
             axis, gain, delay, output, columns, units, part, period, limit_cycle, predict, as_json, plot
         )
@@ -125,16 +125,12 @@ def _check(paths: list[Path] | None, config: Path | None, chosen: dict[str, Any]
 
 
 def _pair(option: str, text: str) -> tuple[float, float]:
-    """`LOW:HIGH` as numbers.
+    """`LOW:HIGH` as numbers above 0.
 
     Raises:
         CommandError: It is not that.
     """
-    low, _, high = text.partition(":")
-    try:
-        pair = float(low), float(high)
-    except ValueError:
-        pair = 0.0, 0.0
-    if not (pair[0] < pair[1] and (option == "--between" or pair[0] > 0.0)):
-        raise CommandError(f"{option} {text}: give two rising numbers, such as 0.5:60")
+    pair = rising(text, option)
+    if not pair[0] > 0.0:
+        raise CommandError(f"{option} {text}: give two rising numbers above 0, such as 0.5:60")
     return pair

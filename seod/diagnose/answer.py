@@ -41,6 +41,7 @@ class Score:
         diverged: That simulation left the recording by more than ten times its range.
         effects: What is switched on beside Eq. 1.
         sd: Standard deviations of K_L, omega_n and zeta.
+        holdout_ci95: Interval of `holdout_nrmse`, by a block bootstrap; nan where nobody asked for it.
     """
 
     K_L: float
@@ -51,14 +52,16 @@ class Score:
     diverged: bool
     effects: Effects = field(default_factory=dict)
     sd: Mapping[str, float] = field(default_factory=dict)
+    holdout_ci95: tuple[float, float] = (math.nan, math.nan)
 
     def as_json(self) -> dict[str, Any]:
-        """As in the contract."""
+        """As in the contract, and the interval."""
         return {
             "K_L": told(self.K_L),
             "omega_n": told(self.omega_n),
             "zeta": told(self.zeta),
             "holdout_nrmse": told(self.holdout_nrmse),
+            "holdout_ci95": [told(end) for end in self.holdout_ci95],
             "whole_nrmse": told(self.whole_nrmse),
             "diverged": self.diverged,
         }
@@ -250,12 +253,23 @@ class Diagnosis:
     candidates: tuple[Candidate, ...] = ()
     remarks: tuple[str, ...] = ()
 
+    @property
+    def extends(self) -> bool:
+        """Whether what was found changes the simulation: defects of a record do not."""
+        return any(not np.array_equal(w.y_baseline, w.y_extended) for w in self.windows)
+
+    def share(self, effect: FoundEffect) -> float:
+        """Part of the baseline's held-out squared error above the noise that comes back without an effect."""
+        above = self.baseline.holdout_nrmse**2 - self.noise_floor_nrmse**2
+        gained = effect.gain.nrmse_without**2 - effect.gain.nrmse_with**2
+        return min(1.0, max(0.0, gained / above)) if above > 0.0 else 0.0
+
     def as_json(self) -> dict[str, Any]:
-        """The contract's answer: what is undefined is None, never nan."""
+        """The contract's answer, and shares of the effects: what is undefined is None, never nan."""
         return {
             "verdict": self.verdict,
             "baseline": self.baseline.as_json(),
-            "effects": [each.as_json() for each in self.effects],
+            "effects": [each.as_json() | {"share": told(self.share(each))} for each in self.effects],
             "extended": self.extended.as_json(),
             "noise_floor_nrmse": told(self.noise_floor_nrmse),
             "unexplained": self.unexplained.as_json(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from seod.diagnose.judge import Judged, refined
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 FINALISTS: Final = 3
 """Sets that are fitted to all windows."""
-LOOKED_AT: Final = 4
+LOOKED_AT: Final = 2
 """Sets of each size that are fitted to whole recordings, where none comes down to the noise."""
 MISFIT_GAIN: Final = 0.2
 """What an effect must save there, where any effect takes up a little of what is wrong."""
@@ -58,7 +59,8 @@ def _over_whole(
     base: Fitted, grown: Grown, wide: Cut, aside: Cut, screen: Screen
 ) -> tuple[Judged, list[Judged]]:
     """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there."""
-    over, plain = screen.budget.looking(), refined(base, wide, screen)
+    sized = replace(base.model, scales=grown.best[-1].model.scales)
+    over, plain = screen.budget.looking(), refined(replace(base, model=sized), wide, screen)
     sets: list[Fitted] = []
     for one in _looked_at(grown):
         if over():

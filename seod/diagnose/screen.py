@@ -34,6 +34,8 @@ FAR: Final = 12
 """Steps from one whose K_L and zeta are far from the baseline's."""
 STEPS: Final = 14
 """Steps of the better ones."""
+BENT: Final = 1.02
+"""Wavenumbers of a ripple over the least, up to which the least has stopped it."""
 PROMISING: Final = 10
 """Causes that are fitted further."""
 
@@ -85,13 +87,22 @@ class Screen:
             ended = self.budget.trial()
             return fit(found.model, self.cut, found.x, self._spread(parent, found), STEPS, ended=ended)
 
-        better = [one for one in self.each(further, ranked[:PROMISING]) if not self.driven(one)]
+        better = [one for one in self.each(further, ranked[:PROMISING]) if not self.imitates(one)]
         return sorted(better, key=lambda one: one.cost)
 
-    def driven(self, found: Fitted) -> bool:
-        """A disturbance in step with the command is none: it stands for what the plant answers."""
-        omega = found.model.values(found.x).get("periodic_disturbance.omega")
-        return omega is not None and in_step(self.every, omega)
+    def imitates(self, found: Fitted) -> bool:
+        """A wave that stands for something else.
+
+        A disturbance in step with the command is the plant's own answer, the longest ripple a bend.
+        """
+        values = found.model.values(found.x)
+        omega, wavenumber = (values.get(f"{name}.{of}") for name, of in WAVES.items())
+        if omega is not None and in_step(self.every, omega):
+            return True
+        longest = next(
+            (c.low for c in found.model.coordinates if c.place == "position_ripple.wavenumber"), 0.0
+        )
+        return wavenumber is not None and wavenumber < BENT * longest
 
     def _spread(self, parent: Fitted, found: Fitted) -> Array:
         start = parent.start.copy()

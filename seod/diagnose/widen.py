@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from seod.diagnose.model import Model
     from seod.diagnose.screen import Screen
 
-TRIED: Final = 4
+TRIED: Final = 3
 """Causes that are fitted, of those that promise most."""
 SAVES: Final = 0.2
 """Mean log squared error that one more effect has to save."""
@@ -69,7 +69,7 @@ def _fitted(
     def whole(one: Promise) -> Fitted:
         return fit(one.model, parent.cut, one.x, parent.start, ended=over)
 
-    return [one for one in screen.each(whole, best) if not screen.driven(one)]
+    return [one for one in screen.each(whole, best) if not screen.imitates(one)]
 
 
 def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:

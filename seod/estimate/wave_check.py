@@ -47,7 +47,7 @@ def misfit(t: Array, residual: Array, period: float) -> Misfit:
     Returns:
         What repeats; `NOTHING` where the samples last for less than two periods.
     """
-    cycles = int((t[-1] - t[0]) / period + 1e-6) if period > 0.0 else 0
+    cycles = int((t[-1] - t[0]) / period + 1e-6) if len(t) and period > 0.0 else 0
     if cycles < 2:
         return NOTHING
     inside = t > t[-1] - cycles * period

@@ -207,7 +207,7 @@ class Search:
             Chi-square of two degrees of freedom, and the part of the window before the change.
         """
         jacobian, white = self.here.jacobian, self.here.white
-        inverse, variance = _inverse(self.here.gram), max(self.sigma, 1e-300) ** 2
+        inverse, variance = _inverse(self.here.gram), max(self.sigma**2, 1e-300)
         best = 0.0, 0.0
         for part in SPLITS:
             newer = slice(int(part * len(white)), None)

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import queue
 import threading
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from seod.beside.judge import ModelError, Verdict, judge
 from seod.beside.models import model_of, nominal_pressure, plant_of
-from seod.beside.window import Stretch
 from seod.config.resolution import resolution_of
-from seod.ring import FLAG_EXCITING, FLAG_FRESH
+from seod.gateway.stretches import Stretches
+from seod.text import number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from seod.beside.window import Model
+    from seod.beside.window import Model, Stretch
     from seod.config.model import RigConfig
     from seod.gateway.messages import RowTuple
 
-PERIODS: Final = 6.0
-"""Of the plant's natural frequency in a stretch,"""
-SPAN_S: Final = (0.25, 2.0)
-"""within these bounds."""
-BEFORE_S: Final = 0.15
-"""Commands that are kept from before a stretch: longer than delay and lag of any plant."""
 CLOSE_S: Final = 1.0
 """Longest wait for a stretch that is under way; compiling takes longer, and is cut off."""
 
@@ -43,10 +34,9 @@ class Beside:
     def __init__(self, config: RigConfig, axis: str) -> None:
         self.axis, self._config = axis, config
         self.left = False
-        self._plant = plant_of(config, axis)
-        self._nominal = nominal_pressure(config, axis)
+        plant = plant_of(config, axis)
+        self._stretches = Stretches(plant.omega_n, nominal_pressure(config, axis)) if plant else None
         self._resolution = 0.0 if config.axes[axis].mode == "velocity" else _resolution(config, axis)
-        self._rows: list[RowTuple] = []
         self._verdict = Verdict()
         self._newest: dict[str, Any] | None = None
         self._work: queue.Queue[Stretch | None] = queue.Queue(1)
@@ -55,30 +45,15 @@ class Beside:
         self._thread: threading.Thread | None = None
         self._model: Model | None = None
 
-    @property
-    def _span(self) -> float:
-        """Length of a stretch [s]."""
-        omega_n = self._plant.omega_n if self._plant else 1.0
-        return min(SPAN_S[1], max(SPAN_S[0], PERIODS * 2.0 * math.pi / omega_n))
-
     def feed(self, rows: Sequence[RowTuple]) -> None:
         """Take the newest rows; those of an axis that is excited make stretches."""
-        if self._plant is None or self._trouble:
+        if self._stretches is None or self._trouble:
             return
-        for row in rows:
-            if not row[-1] & FLAG_EXCITING:
-                self._rows.clear()
-                continue
-            self._rows.append(row)
-            if row[0] - self._rows[0][0] >= self._span + BEFORE_S:
-                self._offer()
+        for stretch in self._stretches.add(rows):
+            self._offer(stretch)
 
-    def _offer(self) -> None:
-        """Hand a stretch to the thread if that is free; its end is kept for the next one."""
-        stretch = stretch_of(self._rows, self._nominal)
-        self._rows = [row for row in self._rows if row[0] > self._rows[-1][0] - BEFORE_S]
-        if stretch is None:
-            return
+    def _offer(self, stretch: Stretch) -> None:
+        """Hand a stretch to the thread if that is free."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name=f"model of {self.axis}", daemon=True)
             self._thread.start()
@@ -108,7 +83,8 @@ class Beside:
 
     def interrupted(self) -> None:
         """Rows are missing."""
-        self._rows.clear()
+        if self._stretches is not None:
+            self._stretches.clear()
 
     def close(self) -> None:
         """End the thread, and the model with it; a model that starts just now is not waited for."""
@@ -137,32 +113,12 @@ class Beside:
                 self._done.put(error)
 
 
-def stretch_of(rows: Sequence[RowTuple], nominal: float | None) -> Stretch | None:
-    """Fresh samples after the first `BEFORE_S`, and all commands; None where too few are fresh.
-
-    Args:
-        rows: In their order.
-        nominal: Supply pressure at which the plant is nominal [Pa], if rows tell it.
-    """
-    table = np.array([(row[0], row[1], row[3], row[4], row[8]) for row in rows])
-    fresh = np.array([bool(row[-1] & FLAG_FRESH) for row in rows])
-    t = table[:, 0]
-    kept = fresh & np.isfinite(table[:, 1]) & (t >= t[0] + BEFORE_S)
-    kept[1:] &= np.diff(t) > 0.0
-    sent = np.isfinite(table[:, 2]) & np.isfinite(table[:, 3])
-    if np.count_nonzero(kept) < 60 or not sent.any():
-        return None
-    ps = table[kept, 4]
-    supply = ps / nominal if nominal and np.isfinite(ps).all() else np.empty(0)
-    return Stretch(t[kept], table[kept, 1], table[sent, 3], table[sent, 2], supply)
-
-
 def _resolution(config: RigConfig, axis: str) -> float:
     return resolution_of(config.sensors[config.axes[axis].sensor])
 
 
 def _sentence(error: ModelError, left: bool) -> str:
-    numbers = f"error {100.0 * error.nrmse:.2g} % of the movement, statistic {error.statistic:.3g}"
+    numbers = f"error {number(100.0 * error.nrmse, 3)} % of the movement, statistic {error.statistic:.3g}"
     if left:
         return f"the rig has left its model ({numbers}); `seod diagnose` on a recording says why"
     return f"the model holds again ({numbers})"

@@ -47,7 +47,7 @@ SECONDS = 12.0
 SHORT_S = 8.0
 """Of a search that finds nothing."""
 LOOKS_A_SECOND = 150.0
-"""At its budget, in a usual processor's second: searches are bounded by what they try, not by the machine."""
+"""At its budget in a second of a usual processor: searches are bounded by trials, not by the machine."""
 
 
 def told_of(case, folder, search_s=SEARCH_S):

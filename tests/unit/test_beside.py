@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import threading
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,13 +14,14 @@ from linear_plant import LinearPlant
 from plant_truth import Plant
 from truth_runs import sampled_relay
 
+from seod import text
 from seod.beside.judge import IN_A_ROW, ModelError, Verdict, judge
 from seod.beside.kernel import KernelModel
 from seod.beside.linear import LinearModel
 from seod.beside.models import model_of, needs_kernel, plant_of
 from seod.beside.remote import RemoteModel
 from seod.beside.window import Stretch
-from seod.gateway.beside import stretch_of
+from seod.gateway.stretches import Stretches, stretch_of
 from seod.ring import FLAG_EXCITING, FLAG_FRESH
 
 RATE = 2000.0
@@ -172,6 +174,18 @@ def test_stale_and_repeated_samples_are_left_out_but_their_commands_count():
     assert stretch_of(rows[:310], None) is None
 
 
+def test_stretches_follow_each_other_and_begin_anew_after_a_stop():
+    """Six periods of 117 rad/s each, 0.15 s of commands before it; none across rows without excitation."""
+    cut, rows = Stretches(117.0, None), [row(k / RATE, math.sin(k / 20), 1.0) for k in range(3000)]
+    made = list(cut.add(rows))
+    assert [round(each.t[-1] - each.t[0], 2) for each in made] == [0.32] * 4
+    for one, following in pairwise(made):
+        assert 0.0 < following.t[0] - one.t[-1] <= 1.01 / RATE
+    assert all(each.t[0] - each.t_u[0] == pytest.approx(0.15, abs=2e-3) for each in made)
+    assert list(cut.add([row(2.0, 0.0, 0.0, FLAG_FRESH)])) == []
+    assert len(list(cut.add([row(3.0 + k / RATE, math.sin(k / 20), 1.0) for k in range(930)]))) == 0
+
+
 def test_the_supply_is_that_of_the_rows():
     rows = [row(k / RATE, math.sin(k / 20), 1.0, ps=6e6) for k in range(800)]
     assert set(stretch_of(rows, 8e6).supply.tolist()) == {0.75}
@@ -206,6 +220,7 @@ async def test_the_gateway_streams_the_error_and_says_when_the_rig_leaves_its_mo
     assert "left its model" in event["why"]
     assert event["t"] > 100.0 + 3000 / RATE
     assert answer["model_error"]["left"]
+    assert "the rig has left its model: error" in text.axis(answer)
 
 
 async def test_nothing_is_told_and_no_thread_made_while_it_stands_still():

@@ -8,14 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosis_example import K_L, LEVEL, command, example, simulate
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seod.diagnose.run as run_module
 from seod.cli import app
+from seod.commands.common import rising
 from seod.config.load import load_rig
 from seod.data import read
 from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.run import output_of
+from seod.diagnose.run import output_of, unit_of
+from seod.diagnose.show.bootstrap import with_intervals
 from seod.paths import configs_dir
 
 VIRTUAL = configs_dir() / "virtual.yaml"
@@ -65,8 +69,12 @@ def test_a_table_and_sentences(asked, recording):
 def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
     out = tmp_path / "found"
     result = typed(recording, "--json", "--out", out, "--holdout", recording)
-    assert json.loads(result.stdout) == answer.as_json()
-    assert json.loads((out / "diagnosis.json").read_text()) == answer.as_json()
+    told = json.loads(result.stdout)
+    assert told == with_intervals(answer).as_json()
+    assert json.loads((out / "diagnosis.json").read_text()) == told
+    low, high = told["baseline"]["holdout_ci95"]
+    assert 0.0 < low < told["baseline"]["holdout_nrmse"] < high
+    assert told["effects"][0]["share"] == pytest.approx(1.0, abs=0.01)
     assert len(asked[0][1]) == 1
 
 
@@ -96,10 +104,19 @@ def test_with_a_rig_file_its_own_text_is_extended(asked, recording, tmp_path):
     assert not (tmp_path / "extended-can.yaml").exists()
 
 
+def test_a_rig_on_a_bus_gets_its_dbc_beside_it(asked, recording, tmp_path):
+    result = typed(recording, "--out", tmp_path, "--config", configs_dir() / "can.yaml")
+    assert (result.exit_code, "no extended rig" in result.stdout) == (0, False)
+    config = load_rig(tmp_path / "extended.yaml")
+    assert config.driver["dbc"] == str(tmp_path / "motor.dbc")
+    assert config.simulation.plants["motor"].effects["coulomb_friction"] == {"level": LEVEL}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["{data}", "--config", VIRTUAL, "--axis", "roll"], "no axis 'roll'"),
+        (["{data}", "--config", configs_dir() / "seat-virtual.yaml"], "pitch, roll: choose one by --axis"),
         (["{data}.gone"], "run.csv.gone"),
         (["{data}", "--out", "{data}"], "File exists"),
     ],
@@ -112,6 +129,27 @@ def test_refusals_name_the_place(asked, recording, words, said):
     assert asked == []
 
 
+@pytest.mark.parametrize("text", ["", "3", "2:1", "1:1", "a:b", "1:2:3", "nan:4", "0:nan"])
+def test_a_part_that_is_none_is_refused(asked, recording, text):
+    result = typed(recording, "--between", text)
+    assert (result.exit_code, asked) == (1, [])
+    assert f"--between {text}: give two rising numbers" in result.stderr
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
+def test_any_two_rising_numbers_are_a_part(low, width):
+    assert rising(f"{low!r}:{low + width!r}", "--between") == (low, low + width)
+
+
+def test_only_the_part_that_is_asked_for(asked, recording):
+    typed(recording, "--between", "0.1:0.3")
+    t = asked[0][0][0].t
+    assert 0.1 <= t[0] < t[-1] <= 0.3
+    result = typed(recording, "--between", "90:99")
+    assert result.exit_code == 1
+    assert "run.csv" in result.stderr
+
+
 def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
     def diagnose(*_):
         raise DiagnoseError("run.csv: the command u never changes")
@@ -119,6 +157,37 @@ def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
     monkeypatch.setattr(run_module, "diagnose", diagnose)
     result = typed(recording)
     assert (result.exit_code, result.stderr) == (1, "seod: run.csv: the command u never changes\n")
+
+
+def test_the_unit_is_the_files_then_that_of_the_rigs_sensor(recording):
+    bare = replace(read(recording), units={"y": ""})
+    for name, axis, unit in (
+        ("virtual", None, "rad"),
+        ("servo-virtual", None, "rad/s"),
+        ("seat-virtual", "pitch", "rad"),  # a scale in m, which a linkage makes an angle of
+    ):
+        config = load_rig(configs_dir() / f"{name}.yaml")
+        own = config.axes[axis or next(iter(config.axes))]
+        assert unit_of(bare, own.mode, config, axis) == unit
+    assert unit_of(bare, "velocity", None, None) == "unit/s"
+    assert unit_of(read(recording), "position", None, None) == "rad"
+
+
+def test_what_the_reader_left_out_is_told(asked, monkeypatch, recording, tmp_path):
+    lines = recording.read_text().splitlines()
+    twice = tmp_path / "twice.csv"
+    twice.write_text("\n".join([*lines[:300], lines[250], *lines[300:]]))
+    assert "row 301: column 't': goes back in time" in typed(twice).stdout
+    backwards = tmp_path / "backwards.csv"
+    backwards.write_text("\n".join([lines[0], *reversed(lines[1:])]))
+
+    def diagnose(recordings, *_):
+        raise DiagnoseError(f"has {len(recordings[0].t)} samples")
+
+    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    said = typed(backwards).stderr
+    assert "has 1 samples; " in said
+    assert "goes back in time" in said
 
 
 def test_what_y_is_comes_from_its_unit_then_from_the_rig(recording):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from seod.config.load import load_rig, load_text
 from seod.data import read
 from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.paths import configs_dir
@@ -68,6 +71,35 @@ def test_a_new_rig_swings_as_the_recording(recorded, tmp_path):
     assert again[1] == pytest.approx(amplitude, rel=0.02)
 
 
+def test_a_relay_is_seen_between_rest_polarity_and_other_amplitudes(recorded):
+    relay = read(recorded, units="y=rad")
+    rest, pulse = np.zeros(9000), np.repeat([0.0, 0.3, 0.0, -0.3, 0.0], 200)
+    before, after = np.r_[rest, pulse], np.r_[0.2 * relay.u[:2000], rest, np.nan]
+    u = np.r_[before, relay.u, after]
+    y = np.r_[0.0 * before, relay.y, 0.2 * relay.y[:2000], 0.0 * rest, 0.0]
+    found = seen(replace(relay, t=np.arange(len(u)) / 2000.0, u=u, y=y, t_u=None), speed=False)
+    plain = seen(relay, speed=False)
+    assert (found.relay, found.e_a, found.bias) == (True, 0.5, 0.0)
+    assert found.hysteresis == pytest.approx(plain.hysteresis, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        0.5 * np.sin(np.arange(4000) / 30.0),
+        np.random.default_rng(1).normal(size=4000),
+        np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 80), 50),
+        np.repeat([0.0, 0.5, 0.0], 1000),
+        np.zeros(4000),
+    ],
+)
+def test_anything_else_is_no_relay(u, recorded):
+    t = np.arange(len(u)) / 1000.0
+    found = seen(replace(read(recorded), t=t, u=u, y=np.sin(t)), speed=False)
+    assert (found.relay, found.hysteresis) == (False, 0.0)
+    assert found.e_a == pytest.approx(0.5 * np.max(np.abs(u)))
+
+
 def test_it_matters_that_the_effects_are_in(recorded, tmp_path):
     path = tmp_path / "bare.yaml"
     path.write_text(new_rig_file(Model(17.0, 117.0, 0.21), seen(read(recorded), False), False, "x.csv"))
@@ -118,6 +150,20 @@ def test_every_shipped_rig_takes_its_own_model_back(name):
         again = AxisView(after, axis).plant
         assert (again.K_L, again.omega_n, again.zeta) == pytest.approx((plant.K_L, plant.omega_n, plant.zeta))
         assert set(again.effects) == set(plant.effects)
+
+
+def test_what_a_moved_rig_file_names_is_still_found(tmp_path):
+    text = VIRTUAL.read_text().replace(
+        "server:\n", "server:\n  tls: {certificate: rig.pem, key: ../own/rig.key}\n", 1
+    )
+    source = tmp_path / "etc" / "rig.yaml"
+    for name in ("etc/rig.pem", "own/rig.key", "etc/rig.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "found").mkdir()
+    there = load_text(moved(text, load_rig(source), source, tmp_path / "found"), "moved", tmp_path / "found")
+    assert there.server.tls.certificate == str(tmp_path / "etc" / "rig.pem")
+    assert Path(there.server.tls.key).samefile(tmp_path / "own" / "rig.key")
 
 
 def test_a_speed_becomes_velocity_mode(tmp_path):

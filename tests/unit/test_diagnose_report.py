@@ -10,22 +10,24 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from diagnosis_example import example
+from diagnosis_example import FRICTION, example
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.diagnose.answer import Unexplained
 from seod.diagnose.report.chart import AFTER, Chart, Curve, Map, diverging, thinned
+from seod.diagnose.report.fields import _band
 from seod.diagnose.report.page import page
 from seod.diagnose.report.scale import covering
-from seod.diagnose.report.tables import share
 from seod.diagnose.report.text import as_text
-from seod.diagnose.report.words import headline
+from seod.diagnose.report.words import consequences, headline
+from seod.diagnose.show.bootstrap import with_intervals
+from seod.diagnose.show.maps import Binned
 
 
 @pytest.fixture(scope="module")
 def found():
-    return example()
+    return with_intervals(example())
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +73,8 @@ def test_it_says_what_was_found(html, found):
     assert "level = 250.0 ± 5.0 rad/s^2" in html
     assert "cannot be told from load_spring" in html
     assert "seod simulate x" in html
-    assert "Without them zeta came out 50 % too high: 0.6 instead of 0.4." in html
-    assert html.count("<svg") == 12  # the command is not periodic: no harmonics, no phase
+    assert "zeta 50 % too high (0.6 instead of 0.4), omega_n right" in html
+    assert html.count("<svg") == 13  # the command is not periodic: no harmonics, no phase
 
 
 def test_a_clean_record_shows_one_model_and_no_causes():
@@ -80,6 +82,8 @@ def test_a_clean_record_shows_one_model_and_no_causes():
     html = page(clean, "rad", ["a.csv"])
     assert "Clean" in html
     assert "Causes, each" not in html
+    assert "<th>extended</th>" not in html
+    assert "extended" not in as_text(clean, "rad")
     assert not any(AFTER in picture for picture in pictures(html))
 
 
@@ -92,15 +96,71 @@ def test_what_is_unexplained_is_not_sold_as_explained(found):
     assert "none of the known causes" in headline(replace(rest, effects=()))
 
 
+def test_defects_of_the_record_are_not_sold_as_the_models(found):
+    outliers = replace(found.effects[0], name="outliers")
+    only = replace(found, effects=(outliers,))
+    assert headline(only).startswith("The recording has outliers; but for that the baseline explains it")
+    rest = replace(only, verdict="unexplained")
+    assert headline(rest).startswith("Unexplained: the baseline misses something")
+    both = replace(found, effects=(*found.effects, outliers))
+    assert headline(both).startswith("The baseline misses coulomb_friction: held-out")
+    assert all(headline(each).endswith("the recording has outliers.") for each in (rest, both))
+
+
+def test_a_first_order_lag_is_not_given_a_zeta(found):
+    score = replace(found.extended, omega_n=100.0, zeta=20.0, sd={"zeta": 700.0, "omega_n": 3500.0})
+    told = " ".join(consequences(replace(found, extended=score)))
+    assert "omega_n / (2 zeta) 1900 % too high (50 instead of 2.5)" in told
+    assert "Of the extended model only omega_n / (2 zeta) is told" in told
+    assert "zeta 5" not in told
+    unsure = replace(score, zeta=0.5)
+    assert "only omega_n" not in " ".join(consequences(replace(found, extended=unsure)))
+
+
+def test_defects_of_a_record_leave_the_plant_as_it_is(found):
+    same = replace(found, extended=replace(found.baseline, effects=FRICTION))
+    assert not any("Without them" in each for each in consequences(same))
+
+
 def test_the_terminal_gets_the_same(found):
     text = as_text(found, "rad")
     for each in ("coulomb_friction", "250.0 ± 5.0 rad/s^2", "0.4", "! Next experiment", "seod simulate x"):
         assert each in text
+    low, high = (100.0 * end for end in found.baseline.holdout_ci95)
+    assert f"[{low:.3g}, {high:.3g}]" in text
     json.dumps(found.as_json(), allow_nan=False)
 
 
 def test_the_only_cause_has_all_of_the_share(found):
-    assert share(found, found.effects[0]) == pytest.approx(1.0, abs=0.01)
+    assert found.share(found.effects[0]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_simulation_that_left_the_recording_is_not_drawn_over_it(found):
+    gone = replace(found, baseline=replace(found.baseline, diverged=True))
+    html = page(gone, "rad", ["a.csv"])
+    assert "leaves the recording" in html
+    assert "error of the baseline" not in next(p for p in pictures(html) if "in one simulation" in p)
+
+
+def test_a_command_that_repeats_itself_shows_harmonics_and_phase(found):
+    """Errors of odd and even harmonics, of 3 and 1 % of the measurement's fundamental."""
+    turn = 2.0 * np.pi * np.arange(2000) / 125.0
+    error = 0.03 * np.sin(3.0 * turn) + 0.01 * np.sin(2.0 * turn)
+    y = np.sin(turn)
+    windows = [
+        replace(w, u=np.sign(y), y=y, y_baseline=y - error, y_extended=y - 0.1 * error) for w in found.windows
+    ]
+    html = page(replace(found, windows=tuple(windows)), "rad", ["a.csv"])
+    assert html.count("<svg") == 15
+    assert "baseline: odd 3 %, even 1 %" in html
+    assert "extended: odd 0.3 %, even 0.1 %" in html
+
+
+def test_two_voltages_are_two_points_with_bars():
+    found = Binned(*(np.array([x, y]) for x, y in ((-0.5, 0.5), (1.0, 2.0), (0.0, 1.0), (2.0, 3.0))))
+    points, bars = _band(found, "baseline", AFTER)
+    assert points.dots
+    np.testing.assert_array_equal(bars.y, [0.0, 2.0, np.nan, 1.0, 3.0, np.nan])
 
 
 def test_a_dense_line_keeps_its_extremes():
@@ -119,6 +179,8 @@ def test_a_gap_breaks_the_line_but_not_the_picture():
     assert "nan" not in svg
     path = re.search(r'<path d="([^"]*)" fill="none"', svg).group(1)
     assert path.count("M") == 2
+    band = re.search(r'<path d="([^"]*)" fill="#', svg).group(1)
+    assert (band.count("M"), band.count("Z")) == (2, 2)
 
 
 def test_a_map_leaves_empty_cells_white():

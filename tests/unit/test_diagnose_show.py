@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_example import K_L, LEVEL, NOISE, OMEGA_N, RATE, ZETA, example
 from numpy.testing import assert_allclose
 
 from seod.diagnose.answer import Score
+from seod.diagnose.report.checks import _phase
+from seod.diagnose.show.acting import acting
 from seod.diagnose.show.bootstrap import interval
 from seod.diagnose.show.distortion import harmonics, period
-from seod.diagnose.show.maps import binned, edges_of, plane
+from seod.diagnose.show.maps import binned, edges_of, explains, plane
 from seod.diagnose.show.residual import residual, scored
 from seod.diagnose.show.spectra import autocorrelation, cross_correlation, spectrum
 
@@ -33,12 +37,28 @@ def test_friction_is_a_force_with_the_sign_of_the_velocity(windows):
 
 def test_the_same_of_a_speed(windows):
     w = windows[0]
-    from dataclasses import replace
-
     v, linear = (np.gradient(y, w.t) for y in (w.y_extended, w.y_baseline))
     force = residual(replace(w, y=v), linear, TRUTH, "velocity").force
     moving = (w.velocity > 3.0) & np.isfinite(force)
     assert np.mean(force[moving]) == pytest.approx(LEVEL, rel=0.1)
+
+
+def test_the_causes_are_measured_whatever_the_baseline_makes_of_them(windows):
+    """The baseline's zeta is half as high again and takes part of the friction; the causes are all of it."""
+    d = example()
+    force = np.concatenate([acting(d, w) for w in windows])
+    v = np.concatenate([w.velocity for w in windows])
+    for sign in (-1.0, 1.0):
+        moving = (sign * v > 3.0) & np.isfinite(force)
+        assert np.mean(force[moving]) == pytest.approx(sign * LEVEL, rel=0.1)
+    assert explains(binned(v, force), force)
+    assert not explains(binned(np.concatenate([w.t for w in windows]), force), force)
+
+
+def test_a_valve_does_not_act_on_the_load(windows):
+    d = example()
+    valve = replace(d, extended=replace(d.extended, effects={"valve_deadband": {"half_width": 0.1}}))
+    assert acting(valve, windows[0]) is None
 
 
 def test_volts_are_those_that_are_missing():
@@ -54,8 +74,6 @@ def test_volts_are_those_that_are_missing():
 
 
 def test_missing_samples_leave_no_hole_in_the_force(windows):
-    from dataclasses import replace
-
     y = windows[0].y.copy()
     y[500:510] = np.nan
     holed = residual(replace(windows[0], y=y), windows[0].y_baseline, TRUTH, "position")
@@ -127,6 +145,16 @@ def test_odd_and_even_harmonics_are_told_apart():
     even = harmonics([np.sin(turn) + 0.1 * np.sin(2 * turn) + 0.01 * t], 161.3)
     assert_allclose(odd.amplitude[:4], [1.0, 0.0, 0.1, 0.0], atol=1e-9)
     assert_allclose(even.amplitude[:4], [1.0, 0.1, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [161.3, 40.0])
+def test_the_phase_of_a_cycle_begins_where_the_relay_switches_up(length):
+    rows = np.arange(2000)
+    begun = 0.37 * length
+    turn = ((rows - begun) / length) % 1.0
+    told = _phase(np.where(turn < 0.5, 0.5, -0.5), length)
+    off = (told - turn + 0.5) % 1.0 - 0.5
+    assert np.max(np.abs(off)) < 0.02
 
 
 @pytest.mark.parametrize(

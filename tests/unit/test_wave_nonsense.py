@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import settings as tries
 from hypothesis import strategies as st
 from relay_truth import E_A, K_L, PLANTS, TICK, Loop, rows, settings
@@ -23,14 +23,21 @@ SWITCHES = ("exciting", "fresh", "saturated", "second")
 GOOD = rows(Loop(*PLANTS[1], delay=1.0, noise=0.01, start=0.2), 0.3)
 
 
+Change = tuple[int, int, str, float | bool]
+
+
 @st.composite
-def spoiled(draw) -> list[Row]:
-    """A limit cycle with fields of some rows, or of all from one on, put to anything."""
+def changes(draw) -> Change:
+    """The first row, how many, a field, and the anything that it is put to."""
+    name = draw(st.sampled_from(FIELDS + SWITCHES))
+    value = draw(st.booleans() if name in SWITCHES else NUMBERS)
+    return draw(st.integers(0, len(GOOD) - 1)), draw(st.sampled_from([1, 2, 30, 600])), name, value
+
+
+def spoiled(changed: list[Change]) -> list[Row]:
+    """The limit cycle with fields of some rows, or of all from one on, changed."""
     feed = list(GOOD)
-    for _ in range(draw(st.integers(0, 6))):
-        first, count = draw(st.integers(0, len(feed) - 1)), draw(st.sampled_from([1, 2, 30, 600]))
-        name = draw(st.sampled_from(FIELDS + SWITCHES))
-        value = draw(st.booleans() if name in SWITCHES else NUMBERS)
+    for first, count, name, value in changed:
         feed[first : first + count] = [row._replace(**{name: value}) for row in feed[first : first + count]]
     return feed
 
@@ -58,10 +65,12 @@ def assert_sound(answer: Estimate) -> None:
     ids=str,
 )
 @tries(max_examples=12, deadline=None)
-@given(feed=spoiled())
-def test_spoiled_rows_bring_words_and_finite_numbers(known, feed):
+@example(changed=[(0, 600, "y", 0.0), (65, 1, "y", 1e-300)])
+@example(changed=[(48, 600, "fresh", False), (0, 30, "second", True)])
+@given(changed=st.lists(changes(), max_size=6))
+def test_spoiled_rows_bring_words_and_finite_numbers(known, changed):
     estimator = make_estimator(settings("wave", **known))
-    for row in feed:
+    for row in spoiled(changed):
         answer = estimator.update(row if known.get("integrated") is None else row._replace(speed=row.y))
         if answer:
             assert_sound(answer)

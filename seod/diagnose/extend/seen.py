@@ -13,13 +13,15 @@ if TYPE_CHECKING:
     from seod.data import Recording
 
     Array = NDArray[np.float64]
+    Rows = NDArray[np.intp]
 
 _FEWEST_SWITCHES: Final = 6
 """Of a relay, so that its thresholds are told."""
-_SETTLED: Final = 0.25
-"""Part of a recording at its beginning that may be a relay's entry."""
-_TWO_VALUES: Final = 0.98
-"""Part of the rest that a relay spends at its two voltages."""
+_ENTRY: Final = 2
+"""Switches of a relay at its beginning that may be its entry."""
+_ALIKE: Final = 0.02
+"""Difference of voltages, over all there are, up to which they are one."""
+_NO_ROWS: Final = np.empty(0, np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +56,15 @@ class Seen:
 
 def seen(recording: Recording, speed: bool) -> Seen:
     """Look at a recording; `speed` says that y is one."""
-    u, y = recording.u, recording.y
-    low_volts, high_volts = _two_values(u)
-    switches = np.empty(0, np.intp) if high_volts == low_volts else _switches(u, low_volts, high_volts)
-    is_relay = len(switches) >= _FEWEST_SWITCHES
+    u, y = np.where(np.isfinite(recording.u), recording.u, 0.0), recording.y
+    switches = _relay(u)
+    low_volts, high_volts = _two_values(u, switches)
+    is_relay = len(switches) > 0
     threshold, centre = 0.0, float(np.nanmean(y))
     if is_relay and not speed:
         threshold, centre = _thresholds(u, y, switches)
+    elif is_relay:
+        centre = float(np.nanmean(y[switches[0] : switches[-1]]))
     volts = float(np.nanmax(np.abs(u)))
     ps = recording.ps
     return Seen(
@@ -78,29 +82,43 @@ def seen(recording: Recording, speed: bool) -> Seen:
     )
 
 
-def _two_values(u: Array) -> tuple[float, float]:
-    """A relay's voltages, the lower one first; equal where it is none."""
-    settled = u[int(_SETTLED * len(u)) :]
-    settled = settled[np.isfinite(settled)]
-    if not len(settled):
+def _relay(u: Array) -> Rows:
+    """Rows at which a relay switches, its entry left out; none where there is no relay.
+
+    A recording also has what was before and after: rest, the check of the polarity, other amplitudes. The
+    relay is the longest stretch of steps to and fro between two voltages.
+    """
+    same = _ALIKE * float(np.nanmax(u) - np.nanmin(u))
+    steps = np.flatnonzero(np.abs(np.diff(u)) > same) + 1
+    if len(steps) < _FEWEST_SWITCHES:
+        return _NO_ROWS
+    pieces = np.split(u, steps)
+    level = np.array([float(np.median(piece)) for piece in pieces])
+    flat = np.array([float(np.max(np.abs(piece - np.median(piece)))) <= same for piece in pieces])
+    alternates = (np.abs(level[2:] - level[:-2]) <= same) & flat[2:] & flat[1:-1] & flat[:-2]
+    first, last = _longest(alternates)
+    found = steps[first : last + 1][_ENTRY:] if last > first else _NO_ROWS
+    return found if len(found) >= _FEWEST_SWITCHES else _NO_ROWS
+
+
+def _longest(true: NDArray[np.bool_]) -> tuple[int, int]:
+    """First of the longest run of these and the one after its last; (0, 0) without any."""
+    edges = np.flatnonzero(np.diff(np.r_[False, true, False].astype(np.int8)))
+    if not len(edges):
+        return 0, 0
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]), int(edges[2 * longest + 1])
+
+
+def _two_values(u: Array, switches: Rows) -> tuple[float, float]:
+    """A relay's voltages, the lower one first."""
+    if not len(switches):
         return 0.0, 0.0
-    middle = 0.5 * (settled.min() + settled.max())
-    above, below = settled[settled > middle], settled[settled <= middle]
-    if not len(above):
-        return 0.0, 0.0
-    low, high = float(np.median(below)), float(np.median(above))
-    near = np.minimum(np.abs(settled - low), np.abs(settled - high)) < 0.01 * (high - low)
-    return (low, high) if np.mean(near) > _TWO_VALUES else (0.0, 0.0)
+    one, other = float(np.median(u[switches[::2]])), float(np.median(u[switches[1::2]]))
+    return (one, other) if one < other else (other, one)
 
 
-def _switches(u: Array, low: float, high: float) -> NDArray[np.intp]:
-    """Rows that switch, the entry left out."""
-    up = u > 0.5 * (low + high)
-    rows = np.flatnonzero(up[1:] != up[:-1]) + 1
-    return np.asarray(rows[rows > _SETTLED * len(u)])
-
-
-def _thresholds(u: Array, y: Array, switches: NDArray[np.intp]) -> tuple[float, float]:
+def _thresholds(u: Array, y: Array, switches: Rows) -> tuple[float, float]:
     """Half-width of the hysteresis and its centre.
 
     The relay saw what was recorded, noise included: its threshold lies between the farthest sample that did

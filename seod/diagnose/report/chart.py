@@ -155,10 +155,8 @@ def _placed(scale: Scale) -> Iterable[tuple[float, float]]:
 def _drawn(curve: Curve, across: Scale, up: Scale) -> str:
     x, y = across.pixels(curve.x), up.pixels(curve.y)
     if curve.to is not None:
-        back, kept = up.pixels(curve.to), np.isfinite(curve.x) & np.isfinite(curve.y)
-        x, y, back = x[kept], y[kept], back[kept]
-        outline = _path(np.r_[x, x[::-1]], np.r_[y, back[::-1]])
-        return f'<path d="{outline}Z" fill="{curve.colour}" fill-opacity="0.15" stroke="none"/>'
+        outline = "".join(_outlines(x, y, up.pixels(curve.to)))
+        return f'<path d="{outline}" fill="{curve.colour}" fill-opacity="0.15" stroke="none"/>'
     if curve.dots:
         kept = np.isfinite(x) & np.isfinite(y)
         dots = zip(x[kept].tolist(), y[kept].tolist(), strict=True)
@@ -168,6 +166,14 @@ def _drawn(curve: Curve, across: Scale, up: Scale) -> str:
         f'<path d="{_path(x, y)}" fill="none" stroke="{curve.colour}" stroke-width="{curve.width}" '
         f'stroke-dasharray="{curve.dash}" stroke-linejoin="round"/>'
     )
+
+
+def _outlines(x: Array, y: Array, back: Array) -> Iterator[str]:
+    """Of a band, one for each stretch without a gap."""
+    kept = np.isfinite(x) & np.isfinite(y) & np.isfinite(back)
+    for rows in np.split(np.arange(len(x)), np.flatnonzero(np.diff(kept)) + 1):
+        if kept[rows[0]]:
+            yield _path(np.r_[x[rows], x[rows][::-1]], np.r_[y[rows], back[rows][::-1]]) + "Z"
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:

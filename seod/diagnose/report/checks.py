@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Curve
+from seod.diagnose.report.chart import FLOOR, MEASURED, Chart, Curve
+from seod.diagnose.report.fields import over_phase
 from seod.diagnose.show.distortion import harmonics, period
 from seod.diagnose.show.spectra import autocorrelation, cross_correlation, spectrum
 
@@ -21,18 +22,15 @@ if TYPE_CHECKING:
 
 _LAGS: Final = 4.0
 """Periods of the plant's frequency that correlations reach to."""
+_SHORTEST: Final = 8.0
+"""Period of a command that is looked at [samples]."""
 
 
 def spectra(p: Pictures) -> str:
     """Densities of measurement and errors, and the noise's."""
     rate = 1.0 / p.tick
-    kinds = [
-        ("measured", MEASURED, [w.y for w in p.windows]),
-        ("baseline", BEFORE, _errors(p.before)),
-    ]
-    if p.extended:
-        kinds.append(("extended", AFTER, _errors(p.after)))
-    curves = [Curve(*spectrum(pieces, rate), label, colour) for label, colour, pieces in kinds]
+    curves = [Curve(*spectrum([w.y for w in p.windows], rate), "measured", MEASURED)]
+    curves += [Curve(*spectrum(_errors(left), rate), label, colour) for label, colour, left in p.models]
     sd = float(np.mean([p.noise(w) for w in p.windows]))
     ends = curves[0].x[[0, -1]]
     curves.append(Curve(ends, np.full(2, 2.0 * sd**2 / rate), "noise", FLOOR, dash="4 3"))
@@ -62,36 +60,37 @@ def input_left(p: Pictures) -> str:
 
 def distortion(p: Pictures) -> str | None:
     """Harmonics of measurement and errors; None where the command is not periodic in the windows."""
-    length = period(p.windows[0].u)
-    if length is None or length < 8.0:
+    length = _period(p)
+    if length is None:
         return None
-    kinds = [
-        ("measured", MEASURED, [w.y for w in p.windows]),
-        ("baseline", BEFORE, _errors(p.before)),
-    ]
-    if p.extended:
-        kinds.append(("extended", AFTER, _errors(p.after)))
-    curves = []
-    for label, colour, pieces in kinds:
-        found = harmonics(pieces, length)
-        curves.append(Curve(found.number, found.amplitude, label, colour, dots=True))
-    title = "Harmonics: odd ones are symmetric causes, even ones are not"
+    measured = harmonics([w.y for w in p.windows], length)
+    curves = [Curve(measured.number, measured.amplitude, "measured", MEASURED, dots=True)]
+    for label, colour, left in p.models:
+        found = harmonics(_errors(left), length)
+        odd, even = (f"{100.0 * found.share(k) / measured.share(1):.2g}" for k in (1, 2))
+        told = f"{label}: odd {odd} %, even {even} %"
+        curves.append(Curve(found.number, found.amplitude, told, colour, dots=True))
+    title = "Distortion: symmetric causes make odd harmonics, others even ones"
     return Chart(title, "harmonic", f"amplitude [{p.unit}]", curves, log_y=True).svg()
 
 
-def over_phase(p: Pictures) -> str | None:
+def phase(p: Pictures) -> str | None:
     """Error over the phase of the cycle; None where the command is not periodic."""
-    length = period(p.windows[0].u)
-    if length is None or length < 8.0:
+    length = _period(p)
+    if length is None:
         return None
-    turn = np.concatenate([_phase(w.u, length) for w in p.windows])
-    return p.bins("Over the phase of the cycle", "phase [cycles]", f"error [{p.unit}]", turn, "error")
+    return over_phase(p, np.concatenate([_phase(w.u, length) for w in p.windows]))
+
+
+def _period(p: Pictures) -> float | None:
+    """Of the command [samples], where a cycle has enough of them."""
+    length = period(p.windows[0].u)
+    return None if length is None or length < _SHORTEST else length
 
 
 def _correlated(p: Pictures, title: str, of: Callable[[Sequence[Residual]], Correlation]) -> str:
-    kinds = [("baseline", BEFORE, p.before), ("extended", AFTER, p.after)][: 1 + p.extended]
     curves, bound, lag = [], 0.0, np.zeros(1)
-    for label, colour, left in kinds:
+    for label, colour, left in p.models:
         found = of(left)
         lag, bound = found.lag * 1e3 * p.tick, found.bound
         curves.append(Curve(lag, found.value, f"{label}: {found.outside:.0%} outside", colour))

@@ -9,6 +9,7 @@ from seod.config.errors import ConfigErrors
 from seod.config.load import load_text
 from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
 from seod.diagnose.extend.model import Model
+from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.diagnose.report.page import page
@@ -26,13 +27,18 @@ REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml",
 
 
 def write(
-    out: Path, d: Diagnosis, recordings: Sequence[Recording], rig: tuple[Path, RigConfig, str] | None
+    out: Path,
+    d: Diagnosis,
+    unit: str,
+    recordings: Sequence[Recording],
+    rig: tuple[Path, RigConfig, str] | None,
 ) -> list[str]:
     """Write all three; returns what could not be written, in sentences.
 
     Args:
         out: Folder; made where it is not there.
         d: The diagnosis.
+        unit: Of y.
         recordings: What it is of.
         rig: Rig file, what it says and the axis, if there is one.
 
@@ -41,7 +47,7 @@ def write(
     """
     out.mkdir(parents=True, exist_ok=True)
     sources = [path.name for recording in recordings for path in recording.paths]
-    (out / REPORT).write_text(page(d, unit_of(recordings[0], d), sources), "utf-8")
+    (out / REPORT).write_text(page(d, unit, sources), "utf-8")
     (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
     try:
         write_rig(out, d, recordings[0], rig)
@@ -58,9 +64,11 @@ def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, Ri
         OSError: A file cannot be written.
     """
     text = extended_rig(d, recording, rig)
+    if rig is not None and rig[1].simulation is not None:
+        text = moved(text, rig[1], rig[0], out)
+    config = load_text(text, RIG, out)
     (out / RIG).write_text(text, "utf-8")
     if rig is None or rig[1].simulation is None:
-        config = load_text(text, RIG, out)
         (out / DBC).write_text(dbc(config), "utf-8")
         (out / CAN_RIG).write_text(checked(on_can(text, config.loop.rate_hz), out), "utf-8")
 
@@ -78,8 +86,3 @@ def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig,
         return into_config(path.read_text("utf-8-sig"), config, axis, model)
     speed = d.output == "velocity"
     return new_rig_file(model, seen(recording, speed), speed, recording.paths[0].name)
-
-
-def unit_of(recording: Recording, d: Diagnosis) -> str:
-    """Of y; `unit` where the file tells none."""
-    return recording.units.get("y", "") or ("unit/s" if d.output == "velocity" else "unit")

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from seod.diagnose.report import checks
+from seod.diagnose.report.fields import fields, planes
+from seod.diagnose.report.over_time import errors, over_blocks, overlay, wholes
 from seod.diagnose.report.pictures import Pictures
 from seod.diagnose.report.tables import effects, figures, ranking
 from seod.diagnose.report.words import consequences, headline
-from seod.diagnose.show.bootstrap import interval
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -40,26 +41,21 @@ def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
     pictures = Pictures(d, unit)
     yield f"<h1>What the simulation gets wrong</h1><div class='sub'>{escape(', '.join(sources))}</div>"
     yield f'<div class="verdict {d.verdict}">{escape(headline(d))}</div>'
+    yield figures(d, unit)
     yield f"<ul>{''.join(f'<li>{escape(each)}</li>' for each in consequences(d))}</ul>"
     if d.next_experiment is not None and d.next_experiment.command:
         yield f"<pre>{escape(d.next_experiment.command)}</pre>"
-    yield figures(d, unit, _intervals(pictures))
     if d.effects:
         yield f"<h2>Causes, each with all the others in the model</h2>{effects(d, unit)}"
-    yield f"<h2>Before and after</h2>{pictures.overlay()}{pictures.errors()}"
-    yield f"<h2>Where it fails</h2>{_pair([*pictures.maps(), *pictures.planes()])}"
+    yield f"<h2>{'Before and after' if d.extends else 'Measured and simulated'}</h2>"
+    yield f"{overlay(pictures)}{errors(pictures)}{''.join(wholes(pictures))}"
+    yield f"<h2>Where it fails</h2>{_pair([*fields(pictures), *planes(pictures)])}"
     left = [checks.whiteness(pictures), checks.input_left(pictures), checks.spectra(pictures)]
-    left += [pictures.over_time(), *filter(None, [checks.distortion(pictures), checks.over_phase(pictures)])]
+    left += [over_blocks(pictures), *filter(None, [checks.distortion(pictures), checks.phase(pictures)])]
     yield f"<h2>What is left, and whether it is noise</h2>{_pair(left)}"
     if d.candidates:
         yield f"<h2>All causes that were tried</h2>{ranking(d)}"
     yield f"<h2>How to read this page</h2><p class='sub'>{_text('how_to_read.txt')}</p>"
-
-
-def _intervals(pictures: Pictures) -> tuple[tuple[float, float], tuple[float, float]]:
-    windows = pictures.windows
-    before, after = ([each.error for each in left] for left in (pictures.before, pictures.after))
-    return interval(windows, before), interval(windows, after)
 
 
 def _pair(pictures: Iterable[str]) -> str:

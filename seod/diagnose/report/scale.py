@@ -42,7 +42,8 @@ class Scale:
 
     def ticks(self) -> list[float]:
         """Round values within the range, three to eight of them."""
-        return _decades(self.low, self.high) if self.log else _round_steps(self.low, self.high)
+        decades = _decades(self.low, self.high) if self.log else []
+        return decades if len(decades) > 2 else _round_steps(self.low, self.high)
 
     def _own(self, value: float) -> float:
         return math.log10(value) if self.log else value

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from html import escape
 from typing import TYPE_CHECKING
 
-from seod.diagnose.report.words import interval, percent, what_it_is
-from seod.text import number
+from seod.diagnose.report.words import interval, of_record, percent, what_it_is
+from seod.text import number, with_sd
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from seod.diagnose.answer import Diagnosis, FoundEffect, Score
-
-Interval = tuple[float, float]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "") -> str:
@@ -23,23 +22,26 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "") ->
     return f'<table class="{kind}"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
 
 
-def figures(d: Diagnosis, unit: str, intervals: tuple[Interval, Interval]) -> str:
-    """Errors and the plant's numbers, before and after."""
-    base = unit.removesuffix("/s")
-    before, after = d.baseline, d.extended
-    rows = [
-        ["held-out error (NRMSE)", _with_interval(before, intervals[0]), _with_interval(after, intervals[1])],
-        ["whole recording in one simulation", _whole(before), _whole(after)],
-        ["noise floor", percent(d.noise_floor_nrmse), percent(d.noise_floor_nrmse)],
-        ["omega_n [rad/s]", _value(before, "omega_n"), _value(after, "omega_n")],
-        ["zeta", _value(before, "zeta"), _value(after, "zeta")],
-        [f"K_L [{escape(base)}/s/V]", _value(before, "K_L"), _value(after, "K_L")],
+def figures(d: Diagnosis, unit: str) -> str:
+    """Errors and the plant's numbers, before and, if anything was found, after."""
+    base = escape(unit.removesuffix("/s"))
+    models = [("baseline", d.baseline), ("extended", d.extended)][: 2 if d.extends else 1]
+    told: list[tuple[str, Callable[[Score], str]]] = [
+        ("held-out error (NRMSE)", _held_out),
+        ("whole recording in one simulation", _whole),
+        ("noise floor", lambda _: percent(d.noise_floor_nrmse)),
+        ("omega_n [rad/s]", lambda score: _value(score, "omega_n")),
+        ("zeta", lambda score: _value(score, "zeta")),
+        (f"K_L [{base}/s/V]", lambda score: _value(score, "K_L")),
     ]
-    return table(["", "baseline", "extended"], rows, "figures")
+    rows = [[title, *(of(score) for _, score in models)] for title, of in told]
+    return table(["", *(name for name, _ in models)], rows, "figures")
 
 
-def _with_interval(score: Score, ends: Interval) -> str:
-    return f"<b>{percent(score.holdout_nrmse)}</b> <small>{percent(ends[0])} to {percent(ends[1])}</small>"
+def _held_out(score: Score) -> str:
+    low, high = score.holdout_ci95
+    wide = f" <small>{percent(low)} to {percent(high)}</small>" if math.isfinite(high) else ""
+    return f"<b>{percent(score.holdout_nrmse)}</b>{wide}"
 
 
 def _whole(score: Score) -> str:
@@ -48,36 +50,32 @@ def _whole(score: Score) -> str:
 
 def _value(score: Score, name: str) -> str:
     value, sd = getattr(score, name), score.sd.get(name)
-    wide = f" <small>± {number(1.96 * sd, 2)}</small>" if sd else ""
-    return f"{number(value, 5)}{wide}"
+    return with_sd(value, 1.96 * sd) if sd else number(value, 5)
 
 
 def effects(d: Diagnosis, unit: str) -> str:
     """What was found: parameters, gain, share and likelihood."""
-    head = ["cause", "parameters, 95 % interval", "error without it → with it", "share", "p", "not told from"]
-    return table(head, [_effect(d, effect, unit) for effect in d.effects], "effects")
+    head = ["cause", "parameters, 95 % interval", "error without it → with it", "share", "p"]
+    doubtful = any(effect.indistinguishable_from for effect in d.effects)
+    rows = [_effect(d, effect, unit) for effect in d.effects]
+    if doubtful:
+        head.append("not told from")
+        for row, effect in zip(rows, d.effects, strict=True):
+            row.append(escape(", ".join(effect.indistinguishable_from)) or "-")
+    return table(head, rows, "effects")
 
 
 def _effect(d: Diagnosis, effect: FoundEffect, unit: str) -> list[str]:
     base = unit.removesuffix("/s")
     values = [f"{escape(name)} = {escape(interval(p, base))}" for name, p in effect.parameters.items()]
     gain = effect.gain
-    p = "&lt; 0.0001" if effect.p_value < 1e-4 else number(effect.p_value, 2)
+    told = [f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}", f"{100.0 * d.share(effect):.0f} %"]
     return [
         f"<b>{escape(effect.name)}</b><br><small>{escape(what_it_is(effect))}</small>",
         "<br>".join(values),
-        f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}",
-        f"{100.0 * share(d, effect):.0f} %",
-        p,
-        escape(", ".join(effect.indistinguishable_from)),
+        *(["in no figure", "-"] if of_record(effect) else told),
+        "&lt; 0.0001" if effect.p_value < 1e-4 else number(effect.p_value, 2),
     ]
-
-
-def share(d: Diagnosis, effect: FoundEffect) -> float:
-    """Part of the baseline's held-out squared error above the noise that this effect alone takes away."""
-    above = d.baseline.holdout_nrmse**2 - d.noise_floor_nrmse**2
-    gained = effect.gain.nrmse_without**2 - effect.gain.nrmse_with**2
-    return min(1.0, max(0.0, gained / above)) if above > 0.0 else 0.0
 
 
 def ranking(d: Diagnosis) -> str:
@@ -91,7 +89,7 @@ def ranking(d: Diagnosis) -> str:
         ]
         for each in d.candidates
     ]
-    return table(["cause, alone", "gain", "held-out error with it"], rows, "ranking")
+    return table(["cause, alone", "gain in the windows fitted", "error that it would leave"], rows, "ranking")
 
 
 def _bar(part: float, chosen: bool) -> str:

@@ -11,23 +11,39 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter
+    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter, Score
 
-_MUCH: Final = 0.1
-"""Relative change of zeta or omega_n that a sentence is spent on."""
+_LEAST: Final = 0.1
+"""Change of zeta, omega_n or K_L that is one [%]."""
+_VAGUE: Final = 0.5
+"""Standard deviation of zeta or omega_n, over its value, from which on neither is told."""
 
 
 def headline(d: Diagnosis) -> str:
     """The diagnosis in one sentence."""
-    names = ", ".join(effect.name for effect in d.effects)
+    missed, has = _listed(d, defects=False), _listed(d, defects=True)
+    recording = f"; the recording has {has}" if has else ""
     if d.verdict == "clean":
         return "Clean: the baseline explains the recording down to its noise."
-    if not d.effects:
-        return "Unexplained: the baseline misses something that none of the known causes explains."
+    if not missed and d.verdict == "effects":
+        return f"The recording has {has}; but for that the baseline explains it down to its noise."
+    if not missed:
+        what = "the baseline misses something that none of the known causes explains"
+        return f"Unexplained: {what}{recording}."
     before, after = percent(d.baseline.holdout_nrmse), percent(d.extended.holdout_nrmse)
     numbers = f"held-out error {before} before, {after} after, noise {percent(d.noise_floor_nrmse)}"
     rest = "" if d.verdict == "effects" else ", but that is not all"
-    return f"The baseline misses {names}{rest}: {numbers}."
+    return f"The baseline misses {missed}{rest}: {numbers}{recording}."
+
+
+def of_record(effect: FoundEffect) -> bool:
+    """Whether it is a defect of the record: samples that were left out of all figures."""
+    return EFFECTS[effect.name].enters == "record"
+
+
+def _listed(d: Diagnosis, *, defects: bool) -> str:
+    """Names of the effects that are defects of the record, or of those that are none."""
+    return ", ".join(each.name for each in d.effects if of_record(each) is defects)
 
 
 def consequences(d: Diagnosis) -> Iterator[str]:
@@ -54,18 +70,52 @@ def _closed(sentence: str) -> str:
 
 
 def _plant(d: Diagnosis) -> Iterator[str]:
-    """Numbers of Eq. 1 that are wrong without the effects."""
-    for name, unit in (("zeta", ""), ("omega_n", " rad/s"), ("K_L", "")):
-        before, after = getattr(d.baseline, name), getattr(d.extended, name)
-        if abs(after - before) > _MUCH * abs(after):
-            way = "high" if before > after else "low"
-            wrong = f"{100.0 * abs(before / after - 1.0):.0f} % too {way}"
-            yield f"Without them {name} came out {wrong}: {number(before)} instead of {number(after)}{unit}."
+    """What Eq. 1 was taken for without the effects: how far off its numbers were."""
+    vague = [which for which, score in (("baseline", d.baseline), ("extended", d.extended)) if _vague(score)]
+    before, after = _numbers(d.baseline, bool(vague)), _numbers(d.extended, bool(vague))
+    told = {name: _off(name, before[name], after[name]) for name in after}
+    if any(told.values()):
+        changed = [each or f"{name} right" for name, each in told.items()]
+        yield f"Without them Eq. 1 comes out with {', '.join(changed)}."
+    if vague:
+        models = " and the ".join(vague)
+        yield f"Of the {models} model only omega_n / (2 zeta) is told: as good as a first-order lag."
+
+
+def _vague(score: Score) -> bool:
+    """Whether the plant is so damped that its two poles cannot be told apart."""
+    return score.zeta > 1.0 and any(
+        score.sd.get(name, 0.0) > _VAGUE * getattr(score, name) for name in ("zeta", "omega_n")
+    )
+
+
+def _numbers(score: Score, vague: bool) -> dict[str, float]:
+    """Those of Eq. 1 that the recording tells."""
+    if vague:
+        return {"omega_n / (2 zeta)": 0.5 * score.omega_n / score.zeta, "K_L": score.K_L}
+    return {"zeta": score.zeta, "omega_n": score.omega_n, "K_L": score.K_L}
+
+
+def _off(name: str, before: float, after: float) -> str:
+    """`zeta 50 % too high (0.6 instead of 0.4)`; "" where it is not off."""
+    off = 100.0 * (before / after - 1.0)
+    if abs(off) < _LEAST:
+        return ""
+    way = "high" if off > 0.0 else "low"
+    return f"{name} {_rounded(abs(off))} % too {way} ({number(before)} instead of {number(after)})"
+
+
+def _rounded(percentage: float) -> str:
+    return f"{percentage:.0f}" if percentage >= 10.0 else f"{percentage:.2g}"
 
 
 def _left(d: Diagnosis) -> str:
-    share = f"{100.0 * d.unexplained.fraction:.2g} % of the baseline's squared error above the noise"
-    on = d.unexplained.correlates_with
+    share = f"{_rounded(100.0 * d.unexplained.fraction)} % of the baseline's squared error above the noise"
+    shares = d.unexplained.shares
+    on = [
+        f"{name} ({_rounded(100.0 * shares[name])} % of the rest)" if name in shares else name
+        for name in d.unexplained.correlates_with
+    ]
     return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.show.residual import scored
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, Window
+    from seod.diagnose.answer import Array, Diagnosis, Window
 
 _DRAWS: Final = 2000
 _BLOCKS: Final = 20
@@ -31,6 +34,17 @@ def interval(windows: Sequence[Window], errors: Sequence[Array], seed: int = 1) 
     drawn = sums[draws].sum(axis=1)
     low, high = np.quantile(np.sqrt(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300)), [0.025, 0.975]).tolist()
     return low, high
+
+
+def with_intervals(d: Diagnosis) -> Diagnosis:
+    """The diagnosis with intervals of both models' held-out errors."""
+    windows = scored(d)
+    if not windows:
+        return d
+    before = interval(windows, [w.y - w.y_baseline for w in windows])
+    after = interval(windows, [w.y - w.y_extended for w in windows])
+    baseline, extended = replace(d.baseline, holdout_ci95=before), replace(d.extended, holdout_ci95=after)
+    return replace(d, baseline=baseline, extended=extended)
 
 
 def _blocks(window: Window, error: Array, parts: int) -> Array:

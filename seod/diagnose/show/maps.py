@@ -16,6 +16,10 @@ _OUTSIDE: Final = 0.005
 """Part of the samples at each end that does not stretch the bins."""
 
 
+_MOSTLY: Final = 0.4
+"""Part of the variance that a quantity has to tell for the values to be drawn over it."""
+
+
 class Binned(NamedTuple):
     """Mean of a residual over a quantity; arrays of shape (bins,), nan in bins with too few samples.
 
@@ -50,6 +54,12 @@ def binned(x: Array, residual: Array, correlated: float = 1.0) -> Binned:
         spread = np.sqrt(np.maximum(squares / count - mean**2, 0.0))
         half = 1.96 * spread / np.sqrt(np.maximum(count / correlated, 1.0))
         return Binned(own / count, mean, mean - half, mean + half)
+
+
+def explains(found: Binned, values: Array) -> bool:
+    """Whether the bins' means tell most of what there is: the values depend on the quantity."""
+    means = found.mean[np.isfinite(found.mean)]
+    return bool(len(means) > 1 and np.var(means) > _MOSTLY * np.nanvar(values))
 
 
 def plane(x: Array, y: Array, residual: Array) -> tuple[Array, Array, Array]:

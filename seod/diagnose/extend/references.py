@@ -1,0 +1,42 @@
+"""What a rig file refers to by relative paths, when it moves to another folder."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from seod.config.edit import edited
+
+if TYPE_CHECKING:
+    from seod.config.errors import KeyPath
+    from seod.config.model import RigConfig
+
+
+def moved(text: str, config: RigConfig, source: Path, folder: Path) -> str:
+    """The text of a rig file as it is right in another folder, to which its DBC is copied.
+
+    Keys and recordings stay where they are and are named by absolute paths.
+
+    Args:
+        text: The rig file.
+        config: What it says.
+        source: Where it was.
+        folder: Where it goes.
+
+    Raises:
+        OSError: The DBC cannot be copied.
+    """
+    places: dict[KeyPath, object] = {}
+    if "dbc" in config.driver:
+        dbc = Path(config.driver["dbc"])
+        if dbc.parent != folder.resolve():
+            shutil.copyfile(dbc, folder / dbc.name)
+        places["driver", "dbc"] = dbc.name
+    if "file" in config.driver:
+        places["driver", "file"] = config.driver["file"]
+    tls = config.server.tls
+    if tls is not None:
+        for key in ("certificate", "key"):
+            places["server", "tls", key] = str(source.parent.resolve() / getattr(tls, key))
+    return edited(text, places) if places else text

@@ -1,0 +1,102 @@
+"""Pictures over time: measurement and simulations, errors of windows and of whole recordings."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Curve
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.answer import Array, Score, Whole
+    from seod.diagnose.report.pictures import Pictures
+    from seod.diagnose.show.residual import Residual
+
+WIDE: Final = 940.0
+_SHOWN: Final = 12.0
+"""Periods of the plant's frequency that the overlay shows."""
+_BLOCKS: Final = 40
+"""In which errors are shown over time."""
+_MOST_WHOLE: Final = 4
+"""Recordings that are drawn as a whole."""
+
+
+def overlay(p: Pictures) -> str:
+    """Measurement and both simulations where the baseline is at its worst."""
+    at = _worst(p)
+    window, piece = p.windows[at], _piece(p, at)
+    t = window.t[piece]
+    curves = [
+        Curve(t, window.y[piece], "measured", MEASURED, 2.6),
+        Curve(t, window.y_baseline[piece], "baseline", BEFORE, 1.3),
+    ]
+    if p.diagnosis.extends:
+        curves.append(Curve(t, window.y_extended[piece], "extended", AFTER, 1.3, "5 3"))
+    title = "A held-out window, simulated from its beginning: where the baseline is at its worst"
+    return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0).svg()
+
+
+def errors(p: Pictures) -> str:
+    """What is left there, against the noise."""
+    at = _worst(p)
+    window, piece = p.windows[at], _piece(p, at)
+    t, flat = window.t[piece], np.full(len(window.t[piece]), 2.0 * p.noise(window))
+    labels = {"baseline": "error of the baseline", "extended": "of the extended model"}
+    curves = [Curve(t, left[at].error[piece], labels[label], colour, 1.0) for label, colour, left in p.models]
+    curves.insert(0, Curve(t, -flat, "noise, two standard deviations", FLOOR, to=flat))
+    return Chart("", "t [s]", f"y - simulated [{p.unit}]", curves, WIDE, 200.0).svg()
+
+
+def wholes(p: Pictures) -> list[str]:
+    """Errors of one simulation of each whole recording, as far as that stays with it."""
+    return [_whole(p, k, one) for k, one in enumerate(p.diagnosis.whole[:_MOST_WHOLE])]
+
+
+def _whole(p: Pictures, k: int, one: Whole) -> str:
+    d = p.diagnosis
+    models: list[tuple[str, str, Score, Array]] = [("baseline", BEFORE, d.baseline, one.y_baseline)]
+    if p.diagnosis.extends:
+        models.append(("extended", AFTER, d.extended, one.y_extended))
+    curves = [Curve(one.t, one.y - np.mean(one.y[np.isfinite(one.y)]), "measured, less its mean", "#bbbbbb")]
+    for label, colour, score, simulated in models:
+        if not score.diverged:
+            curves.append(Curve(one.t, one.y - simulated, f"error of the {label}", colour, 1.0))
+    which = f" ({k + 1} of {len(d.whole)})" if len(d.whole) > 1 else ""
+    title = f"The whole recording{which} in one simulation from its commands alone"
+    return Chart(title, "t [s]", f"[{p.unit}]", curves, WIDE, 220.0).svg()
+
+
+def over_blocks(p: Pictures) -> str:
+    """Rms error of blocks of the windows, by their place in the recording."""
+    parts = -(-_BLOCKS // len(p.windows))
+    middle = np.concatenate([[np.mean(b) for b in np.array_split(w.t, parts)] for w in p.windows])
+    curves = [Curve(middle, _rms(left, parts), label, colour, dots=True) for label, colour, left in p.models]
+    noise = np.repeat([p.noise(w) for w in p.windows], parts)
+    curves.append(Curve(middle, noise, "noise", FLOOR, dash="4 3"))
+    title = "Over time: rms error within the held-out windows"
+    return Chart(title, "t [s]", f"[{p.unit}]", curves, log_y=True).svg()
+
+
+def _piece(p: Pictures, at: int) -> slice:
+    """The end of a window, as long as the eye can follow."""
+    most = int(_SHOWN * 2.0 * math.pi / p.diagnosis.baseline.omega_n / p.tick)
+    rows = len(p.windows[at].t)
+    return slice(max(0, rows - max(most, 50)), rows)
+
+
+def _rms(left: Sequence[Residual], parts: int = 1) -> Array:
+    """Of each window, or of so many parts of each; nan where no sample is."""
+    blocks = [block for r in left for block in np.array_split(r.error, parts)]
+    return np.array([math.sqrt(np.nanmean(b**2)) if np.isfinite(b).any() else math.nan for b in blocks])
+
+
+def _worst(p: Pictures) -> int:
+    scored = [
+        r._replace(error=np.where(w.scored, r.error, np.nan))
+        for w, r in zip(p.windows, p.before, strict=True)
+    ]
+    return int(np.nanargmax(_rms(scored)))
