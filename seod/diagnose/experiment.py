@@ -128,22 +128,22 @@ def _told(
         ),
         separates=names,
         command=" && ".join(
-            _command(excitation, volts, k) for k, volts in enumerate(excitation.amplitudes, 1)
+            _command(excitation, volts, length / len(excitation.amplitudes), k)
+            for k, volts in enumerate(excitation.amplitudes, 1)
         ),
     )
 
 
-def _command(excitation: Excitation, volts: float, number: int) -> str:
-    """As the simulated rig runs it; relays the daemon runs as well, with `seod set e_a=...`."""
+def _command(excitation: Excitation, volts: float, length: float, number: int) -> str:
+    """For a daemon that runs and records; what is no relay for the simulated rig."""
     low, high = excitation.band
-    more = {
-        "multisine": f" --band {low:g}:{high:g}",
-        "sine": f" --frequency {low:g}",
-        "steps": f" --frequency {low:g}",
-    }
+    if excitation.kind in {"relay", "two-phase"}:
+        phases = "true" if excitation.kind == "two-phase" else "false"
+        return f"seod set e_a={volts:.4g} two_phase={phases} && seod start && sleep {length:.2g} && seod stop"
+    more = f" --band {low:g}:{high:g}" if excitation.kind == "multisine" else f" --frequency {low:g}"
     return (
         f"seod simulate RIG.yaml --out next{number}.csv --excitation {excitation.kind} "
-        f"--amplitude {volts:.4g}{more.get(excitation.kind, '')}"
+        f"--amplitude {volts:.4g}{more}"
     )
 
 

@@ -76,7 +76,7 @@ class Refit:
         def freed(rows):
             return (rows - (rows @ modes) @ modes.T).ravel()
 
-        left = freed(windows.cut(np.nan_to_num(self.y - simulated, nan=1e9, posinf=1e9, neginf=-1e9)))
+        left = freed(windows.cut(np.clip(np.nan_to_num(self.y - simulated, nan=1e9), -1e9, 1e9)))
         if self.bias:
             filtered = lfilter(*discrete(rig.omega_n, rig.zeta, tick, rig.sees_speed), np.ones_like(self.y))
             slope = freed(windows.cut(filtered))

@@ -1,8 +1,8 @@
 """A hydraulic actuator in physical units, for records that hide an effect: fast, and apart from `sim`.
 
 Pressure, flow and torque instead of the model's normalised quantities; a fixed small step of Heun's method
-instead of Runge-Kutta with located events; a plain square root; friction that sticks by Karnopp's rule, or
-LuGre bristles.
+instead of Runge-Kutta with located events; a plain square root; friction that sticks by Karnopp's rule
+where the speed passes zero, or LuGre bristles.
 Beyond the causes that a diagnosis knows it has some that none knows (`OFF_LIST`).
 """
 
@@ -156,7 +156,7 @@ def slope(p, m, t, w, supply, gust, d):
 
 
 @njit(cache=True, error_model="numpy")
-def stick_or_slide(p, m, w, before, supply, gust):
+def stick_or_slide(p, m, w, supply, gust):
     """Karnopp: at a reversal the load stays if the friction can hold it."""
     if p.coulomb + p.stribeck == 0.0 or p.bristle_stiffness > 0.0:
         m.stuck = 0.0
@@ -171,15 +171,28 @@ def stick_or_slide(p, m, w, before, supply, gust):
 
 
 @njit(cache=True, error_model="numpy")
-def step(p, m, w, h, supply, gust, k):
-    """Heun's method, then what jumps: the play and whether the load sticks."""
+def heun(p, m, w, h, supply, gust, k):
     slope(p, m, m.t, w, supply, gust, k[0])
     k[2] = w + h * k[0]
     slope(p, m, m.t + h, k[2], supply, gust, k[1])
-    before = w[SPEED]
     w += 0.5 * h * (k[0] + k[1])
     m.t += h
-    stick_or_slide(p, m, w, before, supply, gust)
+
+
+@njit(cache=True, error_model="numpy")
+def step(p, m, w, h, supply, gust, k):
+    """Heun's method, halted where sliding ends; then what jumps: the play and whether the load sticks."""
+    k[3], begin = w, m.t
+    heun(p, m, w, h, supply, gust, k)
+    before = k[3, SPEED]
+    if p.bristle_stiffness == 0.0 and m.slides * before > 0.0 and m.slides * w[SPEED] < 0.0:
+        part = before / (before - w[SPEED])
+        w[:], m.t = k[3], begin
+        heun(p, m, w, part * h, supply, gust, k)
+        w[SPEED] = 0.0
+        stick_or_slide(p, m, w, supply, gust)
+        heun(p, m, w, (1.0 - part) * h, supply, gust, k)
+    stick_or_slide(p, m, w, supply, gust)
     behind = clip(m.behind, w[ANGLE] - p.gap / 2.0, w[ANGLE] + p.gap / 2.0)
     m.touches = 1.0 if behind != m.behind else 0.0
     m.behind = behind
@@ -212,7 +225,7 @@ def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest,
 
     Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
-    k4, memory, given = np.zeros((3, 8)), np.zeros(8), 0
+    k4, memory, given = np.zeros((4, 8)), np.zeros(8), 0
     for k in range(len(t)):
         while given < k and t[given] + latency + p.delay <= seen_at[k]:
             go(p, m, w, t[given] + latency + p.delay, longest, supply[k], gusts[k], k4)

@@ -8,6 +8,7 @@ from hidden_records import make_record, write
 from hidden_score import outcome, parameters, wilson
 
 from seod.data import read
+from seod.diagnose.budget import SEARCH_S
 from seod.diagnose.command import Options, diagnose
 
 pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]  # a busy machine; a quiet one needs some seconds
@@ -43,16 +44,19 @@ PAIRS = [
 ]
 UNLISTED = [("gusts", "multisine", True), ("volume", "steps", False)]
 SECONDS = 12.0
+SHORT_S = 8.0
+"""Of a search that finds nothing."""
 LOOKS_A_SECOND = 150.0
 """At its budget in a second of a usual processor: searches are bounded by trials, not by the machine."""
 
 
-def told_of(case, folder):
+def told_of(case, folder, search_s=SEARCH_S):
     path = folder / "run.csv"
     write(make_record(case), path)
     output = "velocity" if case.rig.sees_speed else "position"
     looks = count()
-    told = diagnose([read(path)], (), Options(output), clock=lambda: next(looks) / LOOKS_A_SECOND)
+    wishes = Options(output, search_s=search_s)
+    told = diagnose([read(path)], (), wishes, clock=lambda: next(looks) / LOOKS_A_SECOND)
     return told.as_json()
 
 
@@ -80,7 +84,7 @@ def test_nothing_is_found_where_nothing_is_hidden(tmp_path, excitation):
 @pytest.mark.parametrize(("cause", "excitation", "sees_speed"), UNLISTED, ids=[each[0] for each in UNLISTED])
 def test_what_is_on_no_list_is_not_given_the_nearest_name(tmp_path, cause, excitation, sees_speed):
     case = draw(6, "unlisted", (cause,), excitation, sees_speed, duration=SECONDS)
-    told = told_of(case, tmp_path)
+    told = told_of(case, tmp_path, search_s=SHORT_S)
     assert told["verdict"] == "unexplained", (case, told)
     assert told["unexplained"]["fraction"] > 0.0
 

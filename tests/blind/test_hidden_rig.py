@@ -2,6 +2,7 @@
 
 import json
 
+import hidden_rig
 import numpy as np
 import pytest
 from hidden_baseline import best_baseline
@@ -105,6 +106,20 @@ def test_a_relay_with_hysteresis_does_not_follow_the_noise(hysteresis, follows):
     drive = Drive(RELAY, np.zeros(len(t)), (0.2, 0.0, 0.0, 0.0, hysteresis))
     (_, quiet), (_, u) = simulate(rig, t, drive), simulate(rig, t, drive, noise)
     assert chatters(u, quiet) == follows
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [{"coulomb_friction": {"level": 1500.0}}, {"stribeck_friction": {"level": 1500.0, "speed": 8.0}}],
+    ids=["coulomb", "stribeck"],
+)
+def test_where_friction_sticks_does_not_depend_on_the_step(monkeypatch, effects):
+    t, rig = np.arange(0.0, 2.0, 5e-4), Rig(28.5, 115.0, 0.28, effects)
+    _, u = simulate(rig, t, Drive(RELAY, np.zeros(len(t)), (0.7, 0.0, 0.0, 0.0, 0.01)))
+    y, _ = simulate(rig, t, Drive(GIVEN, u))
+    assert np.count_nonzero(np.diff(y) == 0.0) > 10
+    monkeypatch.setattr(hidden_rig, "LONGEST", hidden_rig.LONGEST / 10.0)
+    assert apart(y, simulate(rig, t, Drive(GIVEN, u))[0]) < 1e-4
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,8 @@ def test_unequal_gain_and_load_bias_are_separated_by_several_amplitudes_of_the_r
     told = propose("asymmetric_gain", ["load_bias"], ratio=0.1)
     assert told.separates == ("asymmetric_gain", "load_bias")
     assert told.input.startswith("relay: 0.25, 0.5, 1 V one after the other")
-    assert "--excitation relay --amplitude 0.25" in told.command
+    assert told.command.startswith("seod set e_a=0.25 two_phase=false && seod start && sleep ")
+    assert told.command.count("seod stop") == 3
 
 
 def test_overlap_and_play_need_more_than_a_relay():
