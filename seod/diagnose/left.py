@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 ADEQUATE: Final = 1.15
 """Held-out squared error over the noise's, up to which nothing is left: the noise is known to some
 percent, and initial states fitted to a fifth of a window add theirs."""
+BEYOND: Final = 0.05
+"""Part of the squared error that may lie beyond half a step of a coarse sensor."""
 SHARE: Final = 0.08
 """Of the rest that a smooth function has to tell, to be named."""
 _BINS: Final = 16
@@ -23,13 +25,21 @@ _BINS: Final = 16
 
 def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     """The share of the baseline's squared error above the noise that remains."""
-    if extended.adequacy < ADEQUATE:
+    if extended.adequacy < ADEQUATE or _within_a_step(extended):
         return Unexplained(0.0)
     before, after = _above_noise(baseline), _above_noise(extended)
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
     shares = dict(sorted(_shares(extended).items(), key=lambda one: -one[1]))
     named = tuple(name for name, share in shares.items() if share > SHARE)
     return Unexplained(fraction, named, shares)
+
+
+def _within_a_step(held: HeldOut) -> bool:
+    """Whether a coarse sensor's step explains what is left: a load at rest is off by the same part of it."""
+    step = np.repeat([held.cut.series[k].step for k, _, _ in held.cut.windows], held.cut.sizes)
+    error = np.abs(held.cut.gathered("y") - held.simulated)[held.scored]
+    beyond = np.maximum(error - 0.5 * step[held.scored], 0.0)
+    return bool(np.all(step > 0.0)) and float(np.mean(beyond**2)) < BEYOND * float(np.mean(error**2))
 
 
 def _above_noise(held: HeldOut) -> float:
