@@ -16,7 +16,7 @@ from seod.diagnose.simulate import LOOSE, STATES, inside
 from seod.diagnose.windows import Cut, dominant_hz, pieces, sample, undivided
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -41,6 +41,11 @@ DAMPED: Final = 0.3
 SHORT_S: Final = 0.25
 SHORT_ROWS: Final = 100
 """Least length of the short pieces [s, samples]."""
+
+
+def two_valued(every: Sequence[Series]) -> bool:
+    """Whether a relay gave the commands."""
+    return all(len(np.unique(one.u)) <= LEVELS for one in every)
 
 
 def measured_places(cut: Cut) -> Array:
@@ -114,7 +119,7 @@ def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]
     whole = _unchanged(of_whole.model, of_whole.x, cut)
     best = min(found, key=lambda one: one.cost)
     swung = whole
-    if all(len(np.unique(one.u)) <= LEVELS for one in cut.series):
+    if two_valued(cut.series):
         at = cut.series[cut.windows[0][0]]
         omega = QUICKER * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
         swung = _unchanged(*_begun(_cell(cut, sees_speed, fixed, (omega, DAMPED)), cut), cut)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
-from seod.diagnose.experiment import next_experiment
+from seod.diagnose.begin import two_valued
+from seod.diagnose.experiment import beyond_a_relay, next_experiment
 from seod.diagnose.intervals import base_sd, covariance
 from seod.diagnose.left import unexplained
 from seod.diagnose.score import drawn, held_out, nrmse, score, wholes, windows
@@ -94,7 +95,9 @@ def trimmed(found: Found) -> Found:
 def _experiment(found: Found, aside: Cut) -> NextExperiment | None:
     best, one = found.chosen.found, aside.series[0]
     volts = float(np.max(np.abs(one.u)))
-    return next_experiment(found.effects, best.model, best.x, one.noise, volts, one.tick)
+    asked = best.model, best.x, one.noise, volts, one.tick
+    told = next_experiment(found.effects, *asked)
+    return told or (beyond_a_relay(*asked) if two_valued(aside.series) else None)
 
 
 def _scored(fitted: Fitted, held: HeldOut) -> tuple[Score, list[Array]]:

@@ -12,15 +12,22 @@ from seod.diagnose.coordinates import group
 from seod.diagnose.trial import Excitation, Run, follow, perform, refitted, times
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from seod.diagnose.answer import Array, FoundEffect
+    from seod.diagnose.coordinates import Values
     from seod.diagnose.model import Model
 
 ENOUGH: Final = 1.0
 """Times the noise by which the rival must miss, once it is fitted: its squared error is then doubled."""
 PRESSURE: Final = 0.03
 """Part of the load pressure's deviation by which the models must differ for it to be worth a sensor."""
+VANISHING: Final[dict[str, Callable[[float], Values]]] = {
+    "valve_deadband": lambda volts: {"valve_deadband.half_width": 0.1 * volts},
+    "valve_hysteresis": lambda volts: {"valve_hysteresis.half_width": 0.1 * volts},
+    "valve_saturation": lambda volts: {"valve_saturation.limit": 0.6 * volts},
+}
+"""Causes that two values of the command hide, each with a part of it."""
 _RIVALS: Final = 3
 _STARTS: Final = 2
 """Places from which a rival's fit begins."""
@@ -52,6 +59,39 @@ def next_experiment(
         if rivals:
             return _for(effect, rivals[:_RIVALS], model, x, noise, volts, tick)
     return None
+
+
+def beyond_a_relay(model: Model, x: Array, noise: float, volts: float, tick: float) -> NextExperiment | None:
+    """The experiment that shows what a record with two commands cannot; arguments as of `next_experiment`.
+
+    What the valve does to two values is a change of its gain, or a bias. None where a multisine does not show
+    what is tried of each either.
+    """
+    values = model.values(x)
+    excitation = excitations(values["omega_n"], volts, tick)[-1]
+    t, apart = times(values["omega_n"], tick), []
+    names = [name for name in VANISHING if name not in model.names]
+    for name in names:
+        other = model.with_effect(name)
+        run = perform(other.record(other.searched(values | VANISHING[name](volts))), excitation, t)
+        apart.append(refitted(model, [x], run, noise)[1])
+    if not names or min(apart) < ENOUGH:
+        return None
+    low, high = excitation.band
+    amplitudes = ", ".join(f"{each:.3g}" for each in excitation.amplitudes)
+    return NextExperiment(
+        input=f"multisine, {low:g} to {high:g} Hz: {amplitudes} V one after the other",
+        reason=(
+            f"the command has two values: {', '.join(names)} vanish into the gain, asymmetric_gain equals "
+            f"a load_bias; under the multisine each shows by at least {min(apart):.3g} times the noise, with "
+            "a tenth of the command as half width, or six tenths as limit (simulated)"
+        ),
+        separates=tuple(names),
+        command=" && ".join(
+            f"seod response --config RIG.yaml --amplitude {each:.4g} --band {low:g}:{high:g}"
+            for each in excitation.amplitudes
+        ),
+    )
 
 
 def _rival(name: str, effect: FoundEffect, model: Model, x: Array) -> Rival | None:

@@ -5,7 +5,7 @@ import pytest
 
 from seod.diagnose.answer import FoundEffect, Gain
 from seod.diagnose.coordinates import Scales
-from seod.diagnose.experiment import ENOUGH, excitations, next_experiment
+from seod.diagnose.experiment import ENOUGH, VANISHING, beyond_a_relay, excitations, next_experiment
 from seod.diagnose.model import baseline_model
 from seod.diagnose.trial import Excitation, follow, perform, refitted, times
 
@@ -85,3 +85,23 @@ def test_readings_and_pressure_are_those_of_the_plant(sees_speed):
     speed = y[-1] if sees_speed else (y[-1] - y[-101]) / 0.1
     assert speed == pytest.approx(0.5 * K_L, rel=1e-3)
     assert abs(pressure[-1]) < 1e-3 * np.max(np.abs(pressure))
+
+
+def test_what_two_commands_hide_has_its_experiment():
+    model = baseline_model(SCALES, 1.0, False, {})
+    x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
+    told = beyond_a_relay(model, x, NOISE, VOLTS, TICK)
+    assert told.separates == tuple(VANISHING)
+    assert told.command.startswith("seod response --config RIG.yaml --amplitude 0.25 --band ")
+    assert "vanish into the gain" in told.reason
+    assert beyond_a_relay(model, x, 10.0, VOLTS, TICK) is None
+
+
+@pytest.mark.parametrize("name", VANISHING)
+def test_a_relay_hides_it_indeed(name):
+    hidden = baseline_model(SCALES, 1.0, False, {}).with_effect(name)
+    truth = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
+    record = hidden.record(hidden.searched(truth | VANISHING[name](VOLTS)))
+    run = perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), times(OMEGA_N, TICK))
+    plain = baseline_model(SCALES, 1.0, False, {})
+    assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < ENOUGH
