@@ -40,7 +40,7 @@ SINGLE = [
 ]
 PAIRS = [
     (("coulomb_friction", "transport_delay"), "steps", False),
-    (("backlash", "valve_deadband"), "multisine", False),
+    (("periodic_disturbance", "position_ripple"), "multisine", False),
 ]
 UNLISTED = [("gusts", "multisine", True), ("volume", "steps", False)]
 SECONDS = 12.0
