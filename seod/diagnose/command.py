@@ -99,7 +99,7 @@ def diagnose(
     progress("comparing", 0.9)
     answer = answered(found, to_fit, aside, checked, wishes.output)
     name = str(recordings[0].paths[0])
-    remarks = gain_remarks(name, answer.baseline.K_L, rig.K_L)
+    remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
     answer = replace(answer, remarks=(*answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
@@ -130,7 +130,8 @@ def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
             "a diagnosis needs a movement"
         )
     sizes = scales(begun.near, screened.cut)
-    sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
+    if plain.nrmse < 1.0:  # else it is no plant whose pressure says anything
+        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
     roots = _roots(base, begun, sizes, screened)
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))

@@ -216,7 +216,7 @@ def _load(s: Scales) -> dict[str, Group]:
         **_signed("load_spring.centre", max(s.travel, 1e-9), 1e6),
     }
     stribeck = {
-        **_linear("stribeck_friction.level", 0.1 * size, 0.0, 2.0 * size),
+        **_linear("stribeck_friction.level", 0.1 * size, 0.0, 10.0 * size),
         **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 3.0 * s.speed),
     }
     resonance = {
@@ -229,7 +229,7 @@ def _load(s: Scales) -> dict[str, Group]:
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
         "coulomb_friction": _far(
             HELD,
-            _linear("coulomb_friction.level", 0.1 * size, 0.0, 5.0 * size),
+            _linear("coulomb_friction.level", 0.1 * size, 0.0, 20.0 * size),
             *((x * size,) for x in (0.02, 0.1, 0.3)),
         ),
         "stribeck_friction": _far(

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 ADEQUATE: Final = 1.15
 """Held-out squared error over the noise's, up to which nothing is left: the noise is known to some
 percent, and initial states fitted to a fifth of a window add theirs."""
+NEGLIGIBLE: Final = 2e-4
+"""Part of the squared error that is as good as explained: of it starts fitted to short windows leave some."""
 BEYOND: Final = 0.05
 """Part of the squared error that may lie beyond half a step of a coarse sensor."""
 SHARE: Final = 0.08
@@ -29,6 +31,8 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
         return Unexplained(0.0)
     before, after = _above_noise(baseline), _above_noise(extended)
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
+    if fraction < NEGLIGIBLE:
+        return Unexplained(0.0)
     shares = dict(sorted(_shares(extended).items(), key=lambda one: -one[1]))
     named = tuple(name for name, share in shares.items() if share > SHARE)
     return Unexplained(fraction, named, shares)
