@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -147,8 +148,7 @@ def _cells(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]],
     """A grid over omega_n and zeta, K_L and a load bias solved for in each cell; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
-    shortest = min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
-    slowest = max(LOWEST * omega, math.pi / shortest)
+    slowest = max(LOWEST * omega, _slowest(cut))
     frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), FREQUENCIES)
     points = product(frequencies.tolist(), DAMPINGS)
     return sorted(each(lambda at: _cell(cut, sees_speed, fixed, at), points), key=lambda one: one.cost)
@@ -176,7 +176,13 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
     y = cut.gathered("y")[cut.good]
     size = max(float(np.std(y)), 1e-12)
     tick = max(one.tick for one in cut.series)
-    return Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
+    rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
+    return replace(rough, slowest=max(rough.slowest, _slowest(cut)))
+
+
+def _slowest(cut: Cut) -> float:
+    """Half a period in each window [rad/s]: free initial states make up for less."""
+    return math.pi / min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
 
 
 def _plain(cell: _Cell, cut: Cut) -> Fitted:

@@ -80,6 +80,7 @@ class Scales:
         span_s: Length of the longest recording [s].
         tick_s: Sampling interval [s].
         step: Of a coarse sensor of positions [unit], 0 where none is seen.
+        slowest: Natural frequency that is searched, at least [rad/s]: of less, windows show no swing.
         warmer: The temperature changes.
         pressed: The supply pressure changes.
     """
@@ -94,6 +95,7 @@ class Scales:
     span_s: float
     tick_s: float
     step: float = 0.0
+    slowest: float = 2.0
     warmer: bool = False
     pressed: bool = False
 
@@ -106,11 +108,11 @@ class Group:
     starts: tuple[Values, ...]
 
 
-def base(sign: float, tick_s: float) -> tuple[Coordinate, ...]:
-    """K_L, omega_n and zeta; `sign` is that of K_L."""
+def base(sign: float, tick_s: float, slowest: float) -> tuple[Coordinate, ...]:
+    """K_L, omega_n and zeta; `sign` is that of K_L, `slowest` the least omega_n [rad/s]."""
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, 2.0, 0.8 / tick_s),
+        Coordinate("omega_n", 1.0, slowest, 0.8 / tick_s),
         Coordinate("zeta", 1.0, 1e-3, 20.0),
     )
 

@@ -117,7 +117,7 @@ def baseline_model(
     scales: Scales, sign: float, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]]
 ) -> Model:
     """Eq. 1, with the effects that the rig's file has."""
-    return Model(scales, (), base(sign, scales.tick_s), fixed, sees_speed)
+    return Model(scales, (), base(sign, scales.tick_s, scales.slowest), fixed, sees_speed)
 
 
 def grouped(values: Mapping[str, float]) -> Effects:
