@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-SEARCH_S: Final = 24.0
+SEARCH_S: Final = 20.0
 """Processor time after which no further cause is tried: fits of what was found follow."""
 TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
-LAST_FIT: Final = 0.12
+LAST_FIT: Final = 0.1
 """Likewise of a fit to all windows."""
-LOOKING: Final = 0.6
+LOOKING: Final = 0.45
 """Likewise of a look at many sets."""
 
 
