@@ -60,7 +60,7 @@ def main() -> None:
             said, wall, busy = timed(path)
             hidden = ", ".join(causes) or "nothing"
             print(
-                f"{hidden:28} {wall:5.1f} s ({wall / GOAL_S:.2f} of the goal), processors {busy:5.1f} s  {said}"
+                f"{hidden:28} {wall:5.1f} s ({wall / GOAL_S:.2f} of the goal), busy {busy:5.1f} s  {said}"
             )
 
 
