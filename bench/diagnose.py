@@ -59,9 +59,7 @@ def main() -> None:
             write(make_record(case), path)
             said, wall, busy = timed(path)
             hidden = ", ".join(causes) or "nothing"
-            print(
-                f"{hidden:28} {wall:5.1f} s ({wall / GOAL_S:.2f} of the goal), busy {busy:5.1f} s  {said}"
-            )
+            print(f"{hidden:28} {wall:5.1f} s ({wall / GOAL_S:.2f} of the goal), busy {busy:5.1f} s  {said}")
 
 
 if __name__ == "__main__":
