@@ -30,6 +30,13 @@ app = typer.Typer(
 
 ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="Rig file.", show_default=False)]
 Duration = Annotated[float | None, typer.Option("--for", min=0.0, metavar="S", help="End after this long.")]
+Columns = Annotated[
+    str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
+]
+Units = Annotated[
+    str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+]
+Between = Annotated[str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")]
 
 
 class CommandError(Exception):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import CommandError, app, load, plain_errors, rising, show
+from seod.commands.common import Between, Columns, CommandError, Units, app, load, plain_errors, rising, show
 
 
 @app.command()
@@ -33,15 +33,9 @@ def diagnose(
             help="What y is. Default: by the unit of y, or as the rig file's axis has it; else position."
         ),
     ] = None,
-    columns: Annotated[
-        str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
-    ] = "",
-    units: Annotated[
-        str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
-    ] = "",
-    between: Annotated[
-        str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")
-    ] = None,
+    columns: Columns = "",
+    units: Units = "",
+    between: Between = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
 ) -> None:
     """Show what the simulation gets wrong, name the cause, and extend the model."""

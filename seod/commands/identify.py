@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import CommandError, app, load, plain_errors, show
+from seod.commands.common import Columns, CommandError, Units, app, load, plain_errors, show
 
 
 @app.command()
@@ -40,12 +40,8 @@ def identify(
         Literal["zero", "first"],
         typer.Option(help="Whether u holds until the next row or runs straight on to it."),
     ] = "zero",
-    columns: Annotated[
-        str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
-    ] = "",
-    units: Annotated[
-        str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
-    ] = "",
+    columns: Columns = "",
+    units: Units = "",
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from seod.commands.common import app, show
+from seod.commands.common import Columns, Units, app, show
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,12 +22,6 @@ Recorded = Annotated[
     ),
 ]
 Dbc = Annotated[Path | None, typer.Option(metavar="FILE", help="DBC of a CAN log.")]
-Columns = Annotated[
-    str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
-]
-Units = Annotated[
-    str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
-]
 
 
 @contextmanager

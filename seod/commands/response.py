@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from seod.commands.common import CommandError, app, load, plain_errors, rising, show
+from seod.commands.common import Between, Columns, CommandError, Units, app, load, plain_errors, rising, show
 
 
 @app.command()
@@ -63,15 +63,9 @@ def response(
         float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
     ] = None,
     output: Annotated[Literal["position", "velocity"], typer.Option(help="What y of DATA is.")] = "position",
-    columns: Annotated[
-        str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
-    ] = "",
-    units: Annotated[
-        str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
-    ] = "",
-    between: Annotated[
-        str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")
-    ] = None,
+    columns: Columns = "",
+    units: Units = "",
+    between: Between = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Bode plot into a PNG file.")] = None,
 ) -> None:
