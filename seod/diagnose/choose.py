@@ -45,9 +45,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     errors of both decide, of sets and of baselines.
     """
     complete = [refined(each, cut, screen) for each in finalists(grown.best) if each.model.names]
-    if not complete:
-        return Choice(base, base, {})
-    best, least = Judged.of(plainest(complete), aside), GAIN
+    best, least = (Judged.of(plainest(complete), aside) if complete else base), GAIN
     if best.held.adequacy > ADEQUATE:
         plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
         best, base, least = min((best, *sets), key=_unseen), min((base, plain), key=_unseen), MISFIT_GAIN
