@@ -56,7 +56,7 @@ def follow_windows(
         last: Row after its last, at most the next window's first.
         start: Initial states, `START`, shape (w, 7).
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
-        inside: Pressure, velocity and position likewise, shape (n, 3), or (0, 3).
+        inside: Pressure, velocity, position, and position behind the play likewise, shape (n, 4) or (0, 4).
     """
     reached = 0
     for w in range(len(first)):
@@ -68,7 +68,8 @@ def follow_windows(
             given = _load(p, s, t_u, u, given, t[k])
             y[k] = measured(p, s)
             if len(inside):
-                inside[k, 0], inside[k, 1], inside[k, 2] = s.pressure, s.velocity, s.position
+                inside[k, 0], inside[k, 1] = s.pressure, s.velocity
+                inside[k, 2], inside[k, 3] = s.position, s.followed
 
 
 @compiled
@@ -110,7 +111,7 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
         s.motion = 0.0
     s.stopped = s.bristle = 0.0
     loose = min(max(start[6], 0.0), p.backlash_gap)
-    s.followed = s.position - math.copysign(0.5 * p.backlash_gap - loose, s.velocity)
+    s.followed = s.position - math.copysign(1.0, s.velocity) * (0.5 * p.backlash_gap - loose)
     steady = s.velocity - p.sensor_lag_time * s.pressure
     if not p.measures_speed:
         steady = rippled(p, s.followed) - p.sensor_lag_time * s.velocity

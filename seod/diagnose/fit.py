@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from seod.diagnose.contact import smooth
 from seod.diagnose.normal import Normal, Table
-from seod.diagnose.simulate import LOOSE, simulate
+from seod.diagnose.simulate import LOOSE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -147,9 +148,7 @@ class Search:
 
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
-        simulated = simulate(self.model.record(x), self.cut, start)
-        residual = np.where(self.good, self.y - simulated, 0.0)
-        residual = np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)  # the square is finite
+        residual = np.where(self.good, weighted(self.model, self.cut, x, start), 0.0)
         square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
@@ -174,7 +173,6 @@ class Search:
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
-        base = self.y - residual
         states, sizes = self.model.states, self.model.state_sizes
         trials = []
         for column in states:
@@ -186,11 +184,11 @@ class Search:
             other = x.copy()
             other[k] += steps[k]
             trials.append((other, start))
-        simulated = list(
-            self.each(lambda trial: simulate(self.model.record(trial[0]), self.cut, trial[1]), trials)
-        )
+        others = self.each(lambda trial: weighted(self.model, self.cut, *trial), trials)
         divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
-        columns = [np.where(self.good, (s - base) / d, 0.0) for s, d in zip(simulated, divisors, strict=True)]
+        columns = [
+            np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
+        ]
         every = np.stack([*columns, residual], axis=1)
         weights = 1.0 / (error + self.floor)
         products = [
@@ -198,6 +196,13 @@ class Search:
         ]
         table = Table(every, weights, self.slices)
         return Normal(np.array(products), states, sizes, self.free, len(x), table)
+
+
+def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
+    """Residual, less where the reading jumps; shape (n,). Its square is finite."""
+    seen, more = smooth(model.record(x), cut, start)
+    residual = (cut.gathered("y") - seen) / np.sqrt(1.0 + more / np.repeat(cut.noise, cut.sizes) ** 2)
+    return np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:

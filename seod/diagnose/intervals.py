@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import ttest_1samp
 
 from seod.diagnose.answer import Parameter
+from seod.diagnose.fit import weighted
 from seod.diagnose.model import BASE, grouped
-from seod.diagnose.simulate import simulate
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
 
@@ -31,8 +31,7 @@ def covariance(found: Fitted) -> Array:
     scaled = found.curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
     cut = found.cut
-    simulated = simulate(found.model.record(found.x), cut, found.start)
-    residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
+    residual = weighted(found.model, cut, found.x, found.start)
     whitened = np.concatenate(
         [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, found.error, strict=True)]
     )
@@ -95,9 +94,10 @@ def p_value(without: HeldOut, with_it: HeldOut) -> float:
 
 
 def _block_logs(held: HeldOut, pieces: int) -> Array:
-    square = np.where(held.scored, held.cut.gathered("y") - held.simulated, 0.0) ** 2
+    counts = held.scored & held.sure
+    square = np.where(counts, held.cut.gathered("y") - held.simulated, 0.0) ** 2
     out = []
     for p in held.cut.slices:
-        rows = np.array_split(np.flatnonzero(held.scored[p]), pieces)
+        rows = np.array_split(np.flatnonzero(counts[p]), pieces)
         out += [float(np.mean(square[p][each])) for each in rows if len(each)]
     return np.log(np.array(out) + 1e-300)

@@ -10,6 +10,7 @@ import numpy as np
 
 from seod.diagnose.answer import Score, Whole, Window
 from seod.diagnose.begin import measured_places, simulated_states
+from seod.diagnose.contact import smooth, sure
 from seod.diagnose.fit import settle
 from seod.diagnose.model import BASE
 from seod.diagnose.simulate import inside, simulate
@@ -32,9 +33,10 @@ class HeldOut:
     Attributes:
         cut: The windows.
         simulated: As measured.
-        states: Pressure, velocity, position, shape (n, 3).
+        states: Pressure, velocity, position, position behind the play, shape (n, 4).
         start: Initial states, shape (w, 7).
         scored: Rows that count: samples after the window's first fifth.
+        sure: Rows that hang on no jump; only of these it is asked whether more than noise is left.
     """
 
     cut: Cut
@@ -42,15 +44,15 @@ class HeldOut:
     states: Array
     start: Array
     scored: Mask
+    sure: Mask
 
     @property
     def square(self) -> Array:
         """Mean squared error of each window, shape (w,)."""
-        error = np.where(self.scored, self.cut.gathered("y") - self.simulated, 0.0)
+        asked = self.scored & self.sure
+        error = np.where(asked, self.cut.gathered("y") - self.simulated, 0.0)
         error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
-        return np.array(
-            [float(error[p] @ error[p]) / max(int(self.scored[p].sum()), 1) for p in self.cut.slices]
-        )
+        return np.array([float(error[p] @ error[p]) / max(int(asked[p].sum()), 1) for p in self.cut.slices])
 
     @property
     def adequacy(self) -> float:
@@ -100,7 +102,7 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
         if begin is None:
             continue
         start = settle(model, cut, x, begin, first)
-        error = np.where(first, cut.gathered("y") - simulate(record, cut, start), 0.0)
+        error = np.where(first, cut.gathered("y") - smooth(record, cut, start)[0], 0.0)
         square = np.array([float(error[p] @ error[p]) for p in cut.slices])
         if best is None:
             best, least = start, square
@@ -109,7 +111,8 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
             best[better], least[better] = start[better], square[better]
     assert best is not None  # noqa: S101 - the first of the two is always there
     simulated, states = inside(record, cut, best)
-    return HeldOut(cut, simulated, states, best, cut.good & ~cut.started())
+    scored = cut.good & ~cut.started()
+    return HeldOut(cut, simulated, states, best, scored, sure(record, cut, simulated, states))
 
 
 def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:
@@ -150,7 +153,7 @@ def windows(baseline: HeldOut, extended: HeldOut, *, aside: bool) -> list[Window
     y = np.where(baseline.cut.good, baseline.cut.gathered("y"), np.nan)
     for (k, first, last), p in zip(baseline.cut.windows, baseline.cut.slices, strict=True):
         one = baseline.cut.series[k]
-        pressure, velocity, position = extended.states[p].T
+        pressure, velocity, position, _ = extended.states[p].T
         out.append(
             Window(
                 file=k,

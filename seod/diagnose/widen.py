@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.coordinates import WAVES, group, searched_causes
-from seod.diagnose.fit import Fitted, Search, fit
+from seod.diagnose.fit import Fitted, Search, fit, weighted
 from seod.diagnose.screen import begun_from
 from seod.diagnose.select import MOST
-from seod.diagnose.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -104,7 +103,7 @@ class Ahead:
         residual, error = search.tried(parent.x, parent.start)
         table = search.derivatives(parent.x, parent.start, residual, error).table
         assert table is not None  # noqa: S101 - a search has one
-        self.good, self.simulated = search.good, search.y - residual
+        self.good, self.residual = search.good, residual
         self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
         own = table.columns[:, :-1] * self.weight[:, None]
         size = np.linalg.norm(own, axis=0)
@@ -123,8 +122,8 @@ class Ahead:
         return Promise(model, x, -math.log(max(1.0 - told, 1e-12)))
 
     def _change(self, model: Model, x: Array) -> Array:
-        simulated = simulate(model.record(x), self.parent.cut, self.parent.start)
-        return self._beyond(np.where(self.good, np.nan_to_num(simulated - self.simulated), 0.0))
+        residual = weighted(model, self.parent.cut, x, self.parent.start)
+        return self._beyond(np.where(self.good, self.residual - residual, 0.0))
 
     def _beyond(self, y: Array) -> Array:
         """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
