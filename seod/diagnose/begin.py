@@ -39,6 +39,8 @@ LEVELS: Final = 4
 QUICKER: Final = 1.2
 DAMPED: Final = 0.3
 """A plant's natural frequency over its limit cycle's, which delay and play make slower; and its damping."""
+FEW: Final = 1e-3
+"""Part of the samples at each end of the travel that do not count: outliers."""
 SHORT_S: Final = 0.25
 SHORT_ROWS: Final = 100
 """Least length of the short pieces [s, samples]."""
@@ -208,12 +210,13 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     speed = states[:, 1]
     omega_n = fitted.model.values(fitted.x)["omega_n"]
     position = states[:, 2]
+    places = np.concatenate([_places(one) for one in used])
     return Scales(
         volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
         speed=float(np.std(speed)),
         pressure=float(np.quantile(np.abs(states[:, 0]), 0.95)),
-        centre=float(np.mean(position)),
-        travel=float(np.ptp(position)),
+        centre=float(np.mean(places)),
+        travel=float(np.ptp(places)),
         swing=_swing(position, speed, cut),
         omega_n=omega_n,
         span_s=max(float(one.t[-1] - one.t[0]) for one in used),
@@ -222,6 +225,12 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
         pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
     )
+
+
+def _places(one: Series) -> Array:
+    """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
+    places = _travelled(one) if one.sees_speed else one.y[one.good]
+    return np.clip(places, *np.quantile(places, (FEW, 1.0 - FEW)))
 
 
 def _swing(position: Array, speed: Array, cut: Cut) -> float:

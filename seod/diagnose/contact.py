@@ -1,14 +1,14 @@
 """Speeds behind a play: samples beside a contact, where the reading jumps from rest to the actuator's speed.
 
-A sample shows such a jump on one side or the other, so that a simulation's error does not say how near it is,
-and no derivative leads to the right play. For a fit the jump is a ramp over one interval; its samples then have
-as much noise more as a jump anywhere within the interval makes.
+A sample shows a jump on one side or the other, so that a simulation's error does not say how near it is, and
+no derivative leads to the right play. For a fit the jump is a ramp, over one interval at least, whose samples
+have as much noise more as a jump anywhere within an interval makes.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -20,8 +20,26 @@ if TYPE_CHECKING:
     from seod.diagnose.answer import Array, Mask
     from seod.diagnose.windows import Cut
 
-_RAMP = 1.0 / math.sqrt(12.0)
-"""Standard deviation of a place within one interval."""
+_LONGEST: Final = 20.0
+_SPREAD: Final = 1.0 / 12.0
+"""Variance of a place within one interval."""
+
+
+class Softness(NamedTuple):
+    """How jumps are blurred.
+
+    Attributes:
+        ramp: Length of the ramp in the place of a jump [intervals].
+        level: Of each window's error beside which a jump's own counts, shape (w,).
+    """
+
+    ramp: float
+    level: Array
+
+    @classmethod
+    def least(cls, cut: Cut) -> Self:
+        """As there is no way round: a sample is on one side of a jump or on the other."""
+        return cls(1.0, cut.noise)
 
 
 class Contacts(NamedTuple):
@@ -56,18 +74,35 @@ def contacts(cut: Cut, seen: Array, states: Array) -> Contacts:
     return Contacts(found, np.clip(np.nan_to_num(since, nan=0.5), 0.0, 1.0), seen[found])
 
 
-def smooth(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Array]:
+def smooth(record: NDArray[np.void], cut: Cut, start: Array, ramp: float) -> tuple[Array, Array]:
     """What is measured, with ramps for jumps, and the noise variance that each row has more; shape (n,)."""
     if not jumps(record):
         seen = simulate(record, cut, start)
         return seen, np.zeros(len(seen))
     seen, states = inside(record, cut, start)
-    rows, since, jump = contacts(cut, seen, states)
-    more = np.zeros(len(seen))
-    seen[rows] = jump * np.minimum(since + 0.5, 1.0)
-    seen[rows - 1] = jump * np.maximum(since - 0.5, 0.0)
-    more[np.where(since < 0.5, rows, rows - 1)] = (_RAMP * jump) ** 2
-    return seen, more
+    found = contacts(cut, seen, states)
+    more, out = np.zeros(len(seen)), seen.copy()
+    reach = math.ceil(0.5 * ramp)
+    for away in range(-reach, reach):
+        rows = found.rows + away
+        within = (rows >= 0) & (rows < len(seen))
+        rows, jump = rows[within], found.jump[within]
+        part = np.clip(0.5 + (found.since[within] + away) / ramp, 0.0, 1.0)
+        out[rows] = part * (seen[rows] if away >= 0 else jump)
+        more[rows] += np.where((part > 0.0) & (part < 1.0), _SPREAD * jump**2, 0.0)
+    return out, more
+
+
+def softness(record: NDArray[np.void], cut: Cut, start: Array) -> Softness:
+    """Ramps as long as contacts are early or late by the error that is left."""
+    seen, states = inside(record, cut, start)
+    error = np.where(cut.good, cut.gathered("y") - seen, 0.0)
+    error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
+    square = np.array([float(error[piece] @ error[piece]) for piece in cut.slices])
+    jump = contacts(cut, seen, states).jump
+    late = float(square.sum()) / max(float(jump @ jump), 1e-300)
+    level = np.sqrt(np.maximum(square / cut.sizes, cut.noise**2))
+    return Softness(1.0 + min(late, _LONGEST), level)
 
 
 def sure(record: NDArray[np.void], cut: Cut, seen: Array, states: Array) -> Mask:

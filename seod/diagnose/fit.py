@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from seod.diagnose.contact import smooth
+from seod.diagnose.contact import Softness, jumps, smooth, softness
 from seod.diagnose.normal import Normal, Table
 from seod.diagnose.simulate import LOOSE
 
@@ -89,6 +89,7 @@ class Search:
         self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
         self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
         self.floor = (1e-3 * cut.noise) ** 2 + 1e-300
+        self.soft: Softness | None = None
         low, high = model.bounds
         self.low, self.high = low, high
         self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
@@ -101,6 +102,9 @@ class Search:
         for _ in range(most):
             if ended():
                 break
+            if jumps(self.model.record(x)):
+                self.soft = softness(self.model.record(x), self.cut, start)
+                residual, error = self.tried(x, start)
             before = self.cost(error)
             parts = self.derivatives(x, start, residual, error)
             curvature = parts.curvature()
@@ -117,6 +121,9 @@ class Search:
             start, residual, error = found
             if before - self.cost(error) < ENOUGH:
                 break
+        if self.soft is not None:
+            self.soft = None
+            error = self.tried(x, start)[1]
         return Fitted(self.model, self.cut, x, start, error, self.cost(error), curvature)
 
     def bent(
@@ -148,7 +155,7 @@ class Search:
 
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
-        residual = np.where(self.good, weighted(self.model, self.cut, x, start), 0.0)
+        residual = np.where(self.good, weighted(self.model, self.cut, x, start, self.soft), 0.0)
         square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
@@ -184,7 +191,9 @@ class Search:
             other = x.copy()
             other[k] += steps[k]
             trials.append((other, start))
-        others = self.each(lambda trial: weighted(self.model, self.cut, *trial), trials)
+        others = self.each(
+            lambda trial: weighted(self.model, self.cut, trial[0], trial[1], self.soft), trials
+        )
         divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
         columns = [
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
@@ -198,10 +207,11 @@ class Search:
         return Normal(np.array(products), states, sizes, self.free, len(x), table)
 
 
-def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
+def weighted(model: Model, cut: Cut, x: Array, start: Array, soft: Softness | None = None) -> Array:
     """Residual, less where the reading jumps; shape (n,). Its square is finite."""
-    seen, more = smooth(model.record(x), cut, start)
-    residual = (cut.gathered("y") - seen) / np.sqrt(1.0 + more / np.repeat(cut.noise, cut.sizes) ** 2)
+    ramp, level = soft or Softness.least(cut)
+    seen, more = smooth(model.record(x), cut, start, ramp)
+    residual = (cut.gathered("y") - seen) / np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
     return np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)
 
 

@@ -102,7 +102,7 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
         if begin is None:
             continue
         start = settle(model, cut, x, begin, first)
-        error = np.where(first, cut.gathered("y") - smooth(record, cut, start)[0], 0.0)
+        error = np.where(first, cut.gathered("y") - smooth(record, cut, start, 1.0)[0], 0.0)
         square = np.array([float(error[p] @ error[p]) for p in cut.slices])
         if best is None:
             best, least = start, square
