@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.compiled import Record, compiled, inlined
 from sim.kernel import advance, command, measured
-from sim.physics import dry_friction, rippled, spool_at
+from sim.physics import dry_friction, friction_level, rippled, spool_at
 from sim.runs import condition
 
 Array = np.ndarray
@@ -110,6 +110,8 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
     if s.velocity == 0.0 and dry_friction(p):
         s.motion = 0.0
     s.stopped = s.bristle = 0.0
+    if p.lugre_friction_stiffness > 0.0 and s.velocity != 0.0:
+        s.bristle = s.motion * friction_level(p, s.velocity) / p.lugre_friction_stiffness
     loose = min(max(start[6], 0.0), p.backlash_gap)
     s.followed = s.position - math.copysign(1.0, s.velocity) * (0.5 * p.backlash_gap - loose)
     steady = s.velocity - p.sensor_lag_time * s.pressure

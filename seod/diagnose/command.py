@@ -16,7 +16,7 @@ from seod.diagnose.choose import choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
-from seod.diagnose.fit import fit
+from seod.diagnose.fit import fit, weighted
 from seod.diagnose.judge import Judged
 from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.rated import rated
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     Progress = Callable[[str, float], None]
 
-DIFFERENT: Final = 0.05
+DIFFERENT: Final = 0.2
 """Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
 MOSTLY_NOISE: Final = 0.7
 """NRMSE of noise alone from which on nothing can be told."""
@@ -148,13 +148,16 @@ def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[
     model = replace(base.model, scales=sizes)
     roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
     for one in (begun.near, begun.whole, begun.swung):
-        if all(_differ(one, root) for root in roots):
-            other = replace(one.model, scales=sizes)
-            nothing = np.zeros(len(one.x), np.bool_)
-            roots.append(fit(other, screened.cut, one.x, screened.start(other, one.x), free=nothing))
+        other = replace(one.model, scales=sizes)
+        start, nothing = screened.start(other, one.x), np.zeros(len(one.x), np.bool_)
+        root = fit(other, screened.cut, one.x, start, free=nothing)
+        if all(_differ(root, each) for each in roots):
+            roots.append(root)
     return roots
 
 
 def _differ(one: Fitted, other: Fitted) -> bool:
-    signs = one.model.coordinates[0].scale, other.model.coordinates[0].scale
-    return signs[0] != signs[1] or bool(np.any(np.abs(one.x - other.x) > DIFFERENT))
+    """Whether two plants simulate the same windows otherwise, by what they leave of them."""
+    residuals = [weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (one, other)]
+    apart = float(np.linalg.norm(residuals[0] - residuals[1]))
+    return apart > DIFFERENT * min(float(np.linalg.norm(each)) for each in residuals)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
 Values = dict[str, float]
 """By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
@@ -144,6 +144,12 @@ def searched_causes(scales: Scales) -> list[str]:
     return causes
 
 
+def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
+    """What can be added to a set: effects that it has not; bristles only beside the friction that they bear."""
+    bristles = ["lugre_friction"] if "coulomb_friction" in names else []
+    return [each for each in (*searched_causes(scales), *bristles) if each not in names]
+
+
 def _group(name: str, coordinates: Mapping[str, Coordinate], *starts: tuple[float, ...]) -> dict[str, Group]:
     values = tuple(dict(zip((c.place for c in coordinates.values()), s, strict=True)) for s in starts)
     return {name: Group(tuple(coordinates.values()), values)}
@@ -226,7 +232,13 @@ def _load(s: Scales) -> dict[str, Group]:
         **_sized("load_resonance.omega", max(0.3 * s.omega_n, 1.0), min(20.0 * s.omega_n, 2.0 / s.tick_s)),
         **_sized("load_resonance.zeta", 2e-3, 0.5),
     }
+    bristles = {
+        **_sized("lugre_friction.stiffness", 0.05 * size / s.swing, min(1e5 * size / s.swing, 1e9)),
+        **_sized("lugre_friction.damping", 1e-3 * s.omega_n, 1e3 * s.omega_n),
+    }
+    stiff = [0.2 * size / (x * s.swing) for x in (0.03, 0.003)]
     return {
+        **_group("lugre_friction", bristles, *((x, 0.5 * math.sqrt(x)) for x in stiff)),
         **_group("load_bias", _signed("load_bias.acceleration", 0.1 * size, 1e6), (0.02 * size,)),
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
         "coulomb_friction": _far(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.coordinates import WAVES, Coordinate, Scales, Values, base, group
-from sim.effects import EFFECTS
+from sim.effects import EFFECTS, STIFFEST
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -107,9 +107,10 @@ class Model:
         return replace(self, names=names, coordinates=coordinates, fixed=fixed)
 
     def without(self, name: str) -> Model:
-        """The same without one of the free effects."""
-        names = tuple(each for each in self.names if each != name)
-        kept = tuple(c for c in self.coordinates if not c.place.startswith(f"{name}."))
+        """The same without one of the free effects; bristles go with the friction that they bear."""
+        gone = {name, "lugre_friction"} if name == "coulomb_friction" else {name}
+        names = tuple(each for each in self.names if each not in gone)
+        kept = tuple(c for c in self.coordinates if c.place.split(".")[0] not in gone)
         return replace(self, names=names, coordinates=kept)
 
 
@@ -130,4 +131,7 @@ def grouped(values: Mapping[str, float]) -> Effects:
     for name in WAVES.keys() & out.keys():
         sine, cosine = out[name].pop("sine"), out[name].pop("cosine")
         out[name] |= {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}
+    if "lugre_friction" in out:
+        stiffest = STIFFEST * out["coulomb_friction"]["level"]
+        out["lugre_friction"]["stiffness"] = min(out["lugre_friction"]["stiffness"], stiffest)
     return {name: out[name] for name in EFFECTS if name in out}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import searched_causes
+from seod.diagnose.coordinates import further_causes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,14 +55,13 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
         roots: The baseline, and others of the same form to begin from.
         progress: Called with the part of the work that is done.
     """
-    causes = searched_causes(roots[0].model.scales)
     grown, beam = Grown([roots[0]]), list(roots)
     for size in range(1, MOST + 1):
         if excess(grown.best[0], screen.cut) < ADEQUATE or screen.budget.spent:
             break
         found: dict[frozenset[str], Fitted] = {}
         for parent in beam:
-            for child in screen.extended(parent, [c for c in causes if c not in parent.model.names]):
+            for child in screen.extended(parent, further_causes(parent.model.scales, parent.model.names)):
                 key = frozenset(child.model.names)
                 if key not in found or child.cost < found[key].cost:
                     found[key] = child

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import WAVES, group, searched_causes
+from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, Search, fit, weighted
 from seod.diagnose.screen import begun_from
 from seod.diagnose.select import MOST
@@ -50,10 +50,9 @@ def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
         over: Tells when there is no time for more.
     """
     grown = [begun]
-    causes = searched_causes(begun.model.scales)
     while len(grown[-1].model.names) < MOST and not over():
         parent = grown[-1]
-        more = [c for c in causes if c not in parent.model.names]
+        more = further_causes(parent.model.scales, parent.model.names)
         best = promising(parent, more, screen)[:TRIED] + remote(parent, more)
         least = min(_fitted(best, parent, screen, over), key=lambda one: one.cost, default=parent)
         if least.cost > parent.cost - SAVES:
