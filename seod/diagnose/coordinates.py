@@ -145,7 +145,7 @@ def searched_causes(scales: Scales) -> list[str]:
 
 
 def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
-    """What can be added to a set: effects that it has not; bristles only beside the friction that they bear."""
+    """What can be added to a set: effects that it lacks; bristles only beside the friction that they bear."""
     bristles = ["lugre_friction"] if "coulomb_friction" in names else []
     return [each for each in (*searched_causes(scales), *bristles) if each not in names]
 

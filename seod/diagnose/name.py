@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seod.diagnose.answer import FoundEffect, Gain
-from seod.diagnose.coordinates import further_causes
 from seod.diagnose.fit import fit
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
 from seod.diagnose.select import AS_WELL
@@ -67,8 +66,7 @@ def _in_place_of(
     if not siblings:
         start = screen.start(rest.model, rest.x)
         again = fit(rest.model, screen.cut, rest.x, start, 2)
-        causes = further_causes(rest.model.scales, rest.model.names)
-        siblings = screen.extended(again, [c for c in causes if c not in found.model.names])
+        siblings = screen.extended([again], found.model.names)
     own = fit(found.model, screen.cut, found.x, screen.start(found.model, found.x), 6)
     good = sorted((one for one in siblings if one.cost < own.cost + AS_WELL), key=lambda one: one.cost)
     return [next(iter(set(one.model.names) - others)) for one in good]

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.begin import simulated_states
 from seod.diagnose.command_period import in_step
-from seod.diagnose.coordinates import WAVES, group
+from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.simulate import inside
 from seod.diagnose.waves import lines, starts
 from seod.diagnose.windows import Cut, sample
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from seod.diagnose.answer import Array
     from seod.diagnose.budget import Budget
@@ -28,16 +28,41 @@ PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
 SCREENED_S: Final = 6.0
 """Of windows on which the better causes are fitted."""
-GLANCE: Final = 4
+GLANCE: Final = 2
 """Steps from every start."""
 FAR: Final = 12
 """Steps from one whose K_L and zeta are far from the baseline's."""
-STEPS: Final = 14
-"""Steps of the better ones."""
+LOOK: Final = 3
+"""Further steps of the better causes."""
+WHOLE: Final = 4
+"""Steps of the promising ones on all windows for trying."""
+STEPS: Final = 12
+"""Further steps of the best."""
+CAUSES: Final = 12
+"""Causes of a parent that are looked at."""
 BENT: Final = 1.02
 """Wavenumbers of a ripple over the least, up to which the least has stopped it."""
-PROMISING: Final = 10
-"""Causes that are fitted further."""
+PROMISING: Final = 8
+"""Causes of a parent that are fitted to all windows for trying."""
+FRONT: Final = 4
+NEAR: Final = 1.0
+"""Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
+
+
+class _Entrant(NamedTuple):
+    """An effect more for a parent, from this start."""
+
+    parent: Fitted
+    name: str
+    start: Values
+
+
+class _Runner(NamedTuple):
+    """An effect more for a parent, as far as it was fitted."""
+
+    parent: Fitted
+    name: str
+    found: Fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,33 +87,53 @@ class Screen:
         """Initial states on `cut` for a model fitted elsewhere, shape (w, 7)."""
         return settle(parent, self.cut, x, simulated_states(parent, x, self.cut), self.cut.good)
 
-    def extended(self, parent: Fitted, causes: Sequence[str]) -> list[Fitted]:
-        """`parent` with each of these effects more, the best first; not promising ones after a glance."""
-        fewer = self.cut.only(self.few)
-        begun = parent.start[list(self.few)]
-        trials = [(name, start) for name in causes for start in self.starts(parent, name)]
+    def extended(self, parents: Sequence[Fitted], but: Sequence[str] = ()) -> list[Fitted]:
+        """Each parent with one effect more, but these; the best first.
 
-        def glance(trial: tuple[str, Values]) -> Fitted | None:
-            if self.budget.spent:
-                return None
-            model = parent.model.with_effect(trial[0])
-            x = model.searched(begun_from(parent.model.values(parent.x), trial[1]))
-            return fit(
-                model, fewer, x, begun, FAR if "*K_L" in trial[1] else GLANCE, ended=self.budget.trial()
-            )
+        A race: after each round only the better ones of a parent are fitted further.
+        """
+        begun = [each for parent in parents for each in self._entrants(parent, but)]
+        seen = _best_starts(one for one in self.each(self._glanced, begun) if one is not None)
+        seen = list(self.each(lambda one: self._on(one, LOOK), _front(parents, seen, CAUSES)))
+        whole = list(self.each(self._whole, _front(parents, seen, PROMISING)))
+        ranked = sorted(whole, key=lambda one: one.found.cost)
+        last = sum(one.found.cost < ranked[0].found.cost + NEAR for one in ranked)
+        last = max(last, FRONT)
+        better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
+        found = [one.found for one in better if not self.imitates(one.found)]
+        return sorted(found, key=lambda one: one.cost)
 
-        seen: dict[str, Fitted] = {}
-        for (name, _), found in zip(trials, self.each(glance, trials), strict=True):
-            if found is not None and (name not in seen or found.cost < seen[name].cost):
-                seen[name] = found
-        ranked = sorted(seen.values(), key=lambda one: one.cost)
+    def _entrants(self, parent: Fitted, but: Sequence[str]) -> list[_Entrant]:
+        names = further_causes(parent.model.scales, parent.model.names)
+        return [
+            _Entrant(parent, name, start)
+            for name in names
+            if name not in but
+            for start in self.starts(parent, name)
+            if not (parent.model.names and remote(start))
+        ]
 
-        def further(found: Fitted) -> Fitted:
-            ended = self.budget.trial()
-            return fit(found.model, self.cut, found.x, self._spread(parent, found), STEPS, ended=ended)
+    def _glanced(self, one: _Entrant) -> _Runner | None:
+        """After a few steps on few windows; None where no time is left."""
+        if self.budget.spent:
+            return None
+        parent, few = one.parent, list(self.few)
+        model = parent.model.with_effect(one.name)
+        x = model.searched(begun_from(parent.model.values(parent.x), one.start))
+        most = FAR if remote(one.start) else GLANCE
+        ended = self.budget.trial()
+        found = fit(model, self.cut.only(few), x, parent.start[few], most, ended=ended)
+        return _Runner(parent, one.name, found)
 
-        better = [one for one in self.each(further, ranked[:PROMISING]) if not self.imitates(one)]
-        return sorted(better, key=lambda one: one.cost)
+    def _on(self, one: _Runner, most: int) -> _Runner:
+        """So many steps more where it is."""
+        at, ended = one.found, self.budget.trial()
+        return one._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
+
+    def _whole(self, one: _Runner) -> _Runner:
+        """On all windows for trying."""
+        at, start, ended = one.found, self._spread(one.parent, one.found), self.budget.trial()
+        return one._replace(found=fit(at.model, self.cut, at.x, start, WHOLE, ended=ended))
 
     def imitates(self, found: Fitted) -> bool:
         """A wave that stands for something else.
@@ -124,6 +169,27 @@ class Screen:
         residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
         speed = states[:, 1] if model.sees_speed else None
         return lines(name, cut, residual, states[:, 2], speed)
+
+
+def _best_starts(some: Iterable[_Runner]) -> list[_Runner]:
+    """Of each parent's every cause the one that came farthest."""
+    best: dict[tuple[int, str], _Runner] = {}
+    for one in some:
+        key = id(one.parent), one.name
+        if key not in best or one.found.cost < best[key].found.cost:
+            best[key] = one
+    return list(best.values())
+
+
+def _front(parents: Sequence[Fitted], some: Sequence[_Runner], most: int) -> list[_Runner]:
+    """So many of each parent's, the best."""
+    ranked = sorted(some, key=lambda one: one.found.cost)
+    return [one for parent in parents for one in [o for o in ranked if o.parent is parent][:most]]
+
+
+def remote(start: Values) -> bool:
+    """Whether a start is far from the parent's own plant."""
+    return "*K_L" in start
 
 
 def begun_from(values: Values, start: Values) -> Values:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import further_causes
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -60,11 +58,10 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
         if excess(grown.best[0], screen.cut) < ADEQUATE or screen.budget.spent:
             break
         found: dict[frozenset[str], Fitted] = {}
-        for parent in beam:
-            for child in screen.extended(parent, further_causes(parent.model.scales, parent.model.names)):
-                key = frozenset(child.model.names)
-                if key not in found or child.cost < found[key].cost:
-                    found[key] = child
+        for child in screen.extended(beam):
+            key = frozenset(child.model.names)
+            if key not in found or child.cost < found[key].cost:
+                found[key] = child
         grown.tried |= found
         ranked = sorted(found.values(), key=lambda one: one.cost)
         if not ranked or ranked[0].cost > grown.best[0].cost - GAIN:

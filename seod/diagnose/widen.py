@@ -16,6 +16,7 @@ import numpy as np
 from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, Search, fit, weighted
 from seod.diagnose.screen import begun_from
+from seod.diagnose.screen import remote as far
 from seod.diagnose.select import MOST
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
     out = []
     for name in causes:
         for start in group(name, parent.model.scales).starts:
-            if "*K_L" in start:
+            if far(start):
                 model = parent.model.with_effect(name)
                 x = model.searched(begun_from(parent.model.values(parent.x), start))
                 out.append(Promise(model, x, math.nan))
