@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
-from seod.diagnose.select import AS_WELL, GAIN
+from seod.diagnose.select import AS_WELL, least_gain
 from seod.diagnose.thin import plainer, thinned
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import undivided
@@ -45,7 +45,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     errors of both decide, of sets and of baselines.
     """
     complete = [refined(each, cut, screen) for each in finalists(grown.best) if each.model.names]
-    best, least = (Judged.of(plainest(complete), aside) if complete else base), GAIN
+    best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
     if best.held.adequacy > ADEQUATE:
         plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
         best, base, least = min((best, *sets), key=_unseen), min((base, plain), key=_unseen), MISFIT_GAIN
@@ -104,5 +104,5 @@ def plainest(some: Sequence[Fitted]) -> Fitted:
 
 def finalists(best: Sequence[Fitted]) -> list[Fitted]:
     """Sets that deserve a fit to all windows: those near the best, smaller ones first."""
-    near = [one for one in best if one.cost < best[0].cost + 2.0 * GAIN]
+    near = [one for one in best if one.cost < best[0].cost + 2.0 * least_gain(best[0].cut)]
     return sorted(near, key=lambda one: (len(one.model.names), one.cost))[:FINALISTS]

@@ -84,7 +84,7 @@ def trimmed(found: Found) -> Found:
     Those that differ little from their neighbours are told by a model only.
     """
     held = found.chosen.held
-    noise = np.repeat(held.cut.noise, held.cut.sizes)
+    noise = np.repeat(held.cut.floor, held.cut.sizes)
     far = np.abs(held.cut.gathered("y") - held.simulated) > FAR * noise
     if np.count_nonzero(far & held.scored) > MOST_FAR * np.count_nonzero(held.scored):
         return found

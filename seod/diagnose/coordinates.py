@@ -21,6 +21,8 @@ PLAYING: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
 
 WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
+STIFFEST: Final = 1e3
+"""Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
 STEPS_SEEN: Final = 3.0
 """Of a coarse sensor to a wave, at least: the waves of its rounding are as long as a step, or parts of it."""
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
@@ -233,7 +235,7 @@ def _load(s: Scales) -> dict[str, Group]:
         **_sized("load_resonance.zeta", 2e-3, 0.5),
     }
     bristles = {
-        **_sized("lugre_friction.stiffness", 0.05 * size / s.swing, min(1e5 * size / s.swing, 1e9)),
+        **_sized("lugre_friction.stiffness", 0.05 * size / s.swing, min(STIFFEST * size / s.swing, 1e9)),
         **_sized("lugre_friction.damping", 1e-3 * s.omega_n, 1e3 * s.omega_n),
     }
     stiff = [0.2 * size / (x * s.swing) for x in (0.03, 0.003)]

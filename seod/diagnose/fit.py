@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from seod.diagnose.coarse import beyond
 from seod.diagnose.contact import Softness, jumps, smooth, softness
 from seod.diagnose.normal import Normal, Table
-from seod.diagnose.simulate import LOOSE
+from seod.diagnose.simulate import LOOSE, VELOCITY
+from sim.physics import dry_friction
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -88,7 +90,7 @@ class Search:
         self.model, self.cut, self.each, self.free = model, cut, each, np.flatnonzero(free)
         self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
         self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
-        self.floor = (1e-3 * cut.noise) ** 2 + 1e-300
+        self.floor = least_square(cut)
         self.soft: Softness | None = None
         low, high = model.bounds
         self.low, self.high = low, high
@@ -182,9 +184,12 @@ class Search:
         """Normal equations of all windows."""
         states, sizes = self.model.states, self.model.state_sizes
         trials = []
+        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(self.model.record(x)[0])
         for column in states:
             moved = start.copy()
             moved[:, column] += sizes[column]
+            if column == VELOCITY:  # a load that sticks has none: a little more would stop at once
+                moved[sticks, column] = 0.0
             trials.append((x, moved))
         steps = np.where(x + STEP > self.high, -STEP, STEP)
         for k in self.free:
@@ -207,11 +212,18 @@ class Search:
         return Normal(np.array(products), states, sizes, self.free, len(x), table)
 
 
+def least_square(cut: Cut) -> Array:
+    """Of each window's mean squared error what makes no difference; a coarse sensor's may be none at all."""
+    some = np.array([cut.series[k].slack > 0.0 for k, _, _ in cut.windows])
+    return np.asarray((np.where(some, 0.5, 1e-3) * cut.noise) ** 2 + 1e-300)
+
+
 def weighted(model: Model, cut: Cut, x: Array, start: Array, soft: Softness | None = None) -> Array:
     """Residual, less where the reading jumps; shape (n,). Its square is finite."""
     ramp, level = soft or Softness.least(cut)
     seen, more = smooth(model.record(x), cut, start, ramp)
-    residual = (cut.gathered("y") - seen) / np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
+    residual = beyond(cut.gathered("y") - seen, cut.slack)
+    residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
     return np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)
 
 

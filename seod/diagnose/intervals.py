@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import ttest_1samp
 
 from seod.diagnose.answer import Parameter
-from seod.diagnose.fit import weighted
+from seod.diagnose.fit import least_square, weighted
 from seod.diagnose.model import BASE, grouped
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
@@ -95,9 +95,9 @@ def p_value(without: HeldOut, with_it: HeldOut) -> float:
 
 def _block_logs(held: HeldOut, pieces: int) -> Array:
     counts = held.scored & held.sure
-    square = np.where(counts, held.cut.gathered("y") - held.simulated, 0.0) ** 2
+    square = np.where(counts, held.error, 0.0) ** 2
     out = []
-    for p in held.cut.slices:
+    for p, least in zip(held.cut.slices, least_square(held.cut), strict=True):
         rows = np.array_split(np.flatnonzero(counts[p]), pieces)
-        out += [float(np.mean(square[p][each])) for each in rows if len(each)]
-    return np.log(np.array(out) + 1e-300)
+        out += [float(np.mean(square[p][each])) + least for each in rows if len(each)]
+    return np.asarray(np.log(out))

@@ -18,8 +18,6 @@ ADEQUATE: Final = 1.15
 percent, and initial states fitted to a fifth of a window add theirs."""
 NEGLIGIBLE: Final = 2e-4
 """Part of the squared error that is as good as explained: of it starts fitted to short windows leave some."""
-BEYOND: Final = 0.05
-"""Part of the squared error that may lie beyond half a step of a coarse sensor."""
 SHARE: Final = 0.08
 """Of the rest that a smooth function has to tell, to be named."""
 _BINS: Final = 16
@@ -27,7 +25,7 @@ _BINS: Final = 16
 
 def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     """The share of the baseline's squared error above the noise that remains."""
-    if extended.adequacy < ADEQUATE or _within_a_step(extended):
+    if extended.adequacy < ADEQUATE:
         return Unexplained(0.0)
     before, after = _above_noise(baseline), _above_noise(extended)
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
@@ -38,23 +36,15 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     return Unexplained(fraction, named, shares)
 
 
-def _within_a_step(held: HeldOut) -> bool:
-    """Whether a coarse sensor's step explains what is left: a load at rest is off by the same part of it."""
-    step = np.repeat([held.cut.series[k].step for k, _, _ in held.cut.windows], held.cut.sizes)
-    error = np.abs(held.cut.gathered("y") - held.simulated)[held.scored]
-    beyond = np.maximum(error - 0.5 * step[held.scored], 0.0)
-    return bool(np.all(step > 0.0)) and float(np.mean(beyond**2)) < BEYOND * float(np.mean(error**2))
-
-
 def _above_noise(held: HeldOut) -> float:
     count = np.array([held.scored[p].sum() for p in held.cut.slices])
-    return float(count @ (held.square - held.cut.noise**2))
+    return float(count @ (held.square - held.cut.allowed**2))
 
 
 def _shares(held: HeldOut) -> dict[str, float]:
     """Share of the residual that a function of each signal alone tells, by means over its quantiles."""
     rows = held.scored
-    residual = (held.cut.gathered("y") - held.simulated)[rows]
+    residual = held.error[rows]
     signals = {
         "input": held.cut.gathered("u"),
         "pressure": held.states[:, 0],

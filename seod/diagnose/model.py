@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.coordinates import WAVES, Coordinate, Scales, Values, base, group
-from sim.effects import EFFECTS, STIFFEST
+from seod.diagnose.coordinates import STIFFEST, WAVES, Coordinate, Scales, Values, base, group
+from sim.effects import EFFECTS
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -85,7 +85,11 @@ class Model:
 
     def effects(self, x: Array) -> Effects:
         """All that is switched on, free or not, as `sim.parameters` takes it."""
-        return {**{name: dict(group) for name, group in self.fixed.items()}, **grouped(self.values(x))}
+        free = grouped(self.values(x))
+        if "lugre_friction" in free:
+            stiffest = STIFFEST / self.scales.swing * free["coulomb_friction"]["level"]
+            free["lugre_friction"]["stiffness"] = min(free["lugre_friction"]["stiffness"], stiffest)
+        return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
 
     def record(self, x: Array) -> NDArray[np.void]:
         """The kernel's parameters."""
@@ -131,7 +135,4 @@ def grouped(values: Mapping[str, float]) -> Effects:
     for name in WAVES.keys() & out.keys():
         sine, cosine = out[name].pop("sine"), out[name].pop("cosine")
         out[name] |= {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}
-    if "lugre_friction" in out:
-        stiffest = STIFFEST * out["coulomb_friction"]["level"]
-        out["lugre_friction"]["stiffness"] = min(out["lugre_friction"]["stiffness"], stiffest)
     return {name: out[name] for name in EFFECTS if name in out}

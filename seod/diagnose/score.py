@@ -10,8 +10,9 @@ import numpy as np
 
 from seod.diagnose.answer import Score, Whole, Window
 from seod.diagnose.begin import measured_places, simulated_states
-from seod.diagnose.contact import smooth, sure
-from seod.diagnose.fit import settle
+from seod.diagnose.coarse import beyond
+from seod.diagnose.contact import sure
+from seod.diagnose.fit import least_square, settle, weighted
 from seod.diagnose.model import BASE
 from seod.diagnose.simulate import inside, simulate
 from seod.diagnose.windows import START, Cut
@@ -47,23 +48,28 @@ class HeldOut:
     sure: Mask
 
     @property
+    def error(self) -> Array:
+        """Measured minus simulated, as far as it says anything."""
+        error = beyond(self.cut.gathered("y") - self.simulated, self.cut.slack)
+        return np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
+
+    @property
     def square(self) -> Array:
         """Mean squared error of each window, shape (w,)."""
-        asked = self.scored & self.sure
-        error = np.where(asked, self.cut.gathered("y") - self.simulated, 0.0)
-        error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
+        asked, error = self.scored & self.sure, self.error
+        error = np.where(asked, error, 0.0)
         return np.array([float(error[p] @ error[p]) / max(int(asked[p].sum()), 1) for p in self.cut.slices])
 
     @property
     def adequacy(self) -> float:
         """Mean squared error over the noise's: 1 where nothing but noise is left."""
         count = np.array([self.scored[p].sum() for p in self.cut.slices])
-        return float(count @ (self.square / self.cut.noise**2) / count.sum())
+        return float(count @ (self.square / self.cut.allowed**2) / count.sum())
 
     @property
     def log_error(self) -> float:
         """Mean log error of the windows: half of a small relative change of the squared error."""
-        return float(np.mean(np.log(self.square + 1e-300)))
+        return float(np.mean(np.log(self.square + least_square(self.cut))))
 
     @property
     def nrmse(self) -> float:
@@ -75,7 +81,7 @@ class HeldOut:
     def floor(self) -> float:
         """NRMSE of a perfect model."""
         y = self.cut.gathered("y")
-        noisy = sum(s**2 * self.scored[p].sum() for s, p in zip(self.cut.noise, self.cut.slices, strict=True))
+        noisy = sum(s**2 * self.scored[p].sum() for s, p in zip(self.cut.floor, self.cut.slices, strict=True))
         return math.sqrt(noisy / max(_spread([(y[p], self.scored[p]) for p in self.cut.slices]), 1e-300))
 
 
@@ -102,7 +108,7 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
         if begin is None:
             continue
         start = settle(model, cut, x, begin, first)
-        error = np.where(first, cut.gathered("y") - smooth(record, cut, start, 1.0)[0], 0.0)
+        error = np.where(first, weighted(model, cut, x, start), 0.0)
         square = np.array([float(error[p] @ error[p]) for p in cut.slices])
         if best is None:
             best, least = start, square

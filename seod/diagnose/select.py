@@ -20,10 +20,17 @@ MOST: Final = 4
 """Effects in a set."""
 GAIN: Final = 0.02
 """Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
+COARSE_GAIN: Final = 0.2
+"""The same of a coarse sensor, whose noise is not known."""
 AS_WELL: Final = 0.004
 """Mean log squared error up to which another set explains the recordings as well."""
 ADEQUATE: Final = 1.03
 """Squared error over the noise's, at which the search ends: the noise is known to some percent."""
+
+
+def least_gain(cut: Cut) -> float:
+    """What an effect must save of the mean log error: of coarse sensors few samples make up what is left."""
+    return COARSE_GAIN if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows) else GAIN
 
 
 def excess(found: Fitted, cut: Cut) -> float:
@@ -64,7 +71,7 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
                 found[key] = child
         grown.tried |= found
         ranked = sorted(found.values(), key=lambda one: one.cost)
-        if not ranked or ranked[0].cost > grown.best[0].cost - GAIN:
+        if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):
             break
         grown.best, beam = [*ranked, *grown.best], ranked[:BEAM]
         progress(size / MOST)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from seod.diagnose.windows import Cut
 
 STATES = len(START)
-LOOSE = START.index("loose")
+VELOCITY, LOOSE = START.index("velocity"), START.index("loose")
 _NOTHING = np.empty((0, 4))
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final
 from seod.diagnose.begin import simulated_states
 from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.judge import Judged, gain, refined
-from seod.diagnose.select import GAIN
 
 if TYPE_CHECKING:
     from seod.diagnose.coordinates import Values
@@ -21,7 +20,7 @@ PLAIN: Final = {"stribeck_friction": "coulomb_friction", "load_spring": "load_bi
 there are, a spring whose centre is far away."""
 
 
-def plainer(own: Judged, aside: Cut, screen: Screen, enough: float = GAIN) -> Judged:
+def plainer(own: Judged, aside: Cut, screen: Screen, enough: float) -> Judged:
     """The set with the plain form of effects, where the richer one gains too little over it."""
     for rich, plain in PLAIN.items():
         names = own.found.model.names
@@ -56,7 +55,7 @@ def without(found: Fitted, name: str, screen: Screen) -> Fitted:
 
 
 def thinned(
-    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float = GAIN
+    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float
 ) -> tuple[Judged, dict[str, Judged]]:
     """Without the effects that gain too little, and of those left the set without each.
 

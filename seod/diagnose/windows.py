@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seod.diagnose.answer import DiagnoseError
+from seod.diagnose.coarse import readings
 from seod.diagnose.noise import noise_sd
 
 if TYPE_CHECKING:
@@ -55,6 +56,9 @@ class Series:
         period_s: Dominant period [s].
         sees_speed: `y` is a speed.
         step: Of a coarse sensor [unit of y], 0 where none is seen.
+        slack: Error that says nothing: half such a step, see `coarse`.
+        level: Root mean square of what noise leaves beyond it, at least.
+        allowed: At most.
     """
 
     t: Array
@@ -68,7 +72,10 @@ class Series:
     window_s: float
     period_s: float
     sees_speed: bool
-    step: float = 0.0
+    step: float
+    slack: float
+    level: float
+    allowed: float
 
     @property
     def tick(self) -> float:
@@ -88,8 +95,7 @@ def series(
 ) -> Series:
     """A recording prepared; rows that are `bad` do not count.
 
-    A coarse sensor's `step` is noise of step / sqrt(12), as far as differences do not show it already, and so
-    is `late`, the mean square of the errors of samples taken at other times than told.
+    `step` is a coarse sensor's, `late` the mean squared error of samples taken at other times than told.
 
     Raises:
         DiagnoseError: It has no command, too few samples, or one that never changes.
@@ -109,7 +115,11 @@ def series(
     t, y = recording.t, np.where(good, recording.y, 0.0)
     t_u = t if recording.t_u is None else np.where(np.isfinite(recording.t_u), recording.t_u, t)
     noise, period_s = noise_sd(t, y, good), 1.0 / dominant_hz(t, y, good)
-    least = max(1e-9 * float(np.std(y[good])), step / math.sqrt(12.0), math.sqrt(late))
+    least = max(1e-9 * float(np.std(y[good])), math.sqrt(late))
+    noise = max(noise, least) if math.isfinite(noise) else least
+    slack, level, allowed = 0.0, noise, noise
+    if step > 0.0:
+        y, slack, level, allowed, noise = readings(y, good, step, noise)
     return Series(
         t=np.ascontiguousarray(t),
         y=y,
@@ -118,11 +128,14 @@ def series(
         u=u,
         supply=_relative(recording.ps, nominal_ps),
         warmth=_above(recording.temperature, nominal_temperature),
-        noise=max(noise, least) if math.isfinite(noise) else least,
+        noise=noise,
         window_s=_window_s(t, period_s),
         period_s=period_s,
         sees_speed=sees_speed,
         step=step,
+        slack=slack,
+        level=level,
+        allowed=allowed,
     )
 
 
@@ -199,8 +212,23 @@ class Cut:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of the noise in each window, shape (w,)."""
+        """Root mean square of the noise in each window, as far as errors count, shape (w,)."""
+        return np.array([self.series[k].level for k, _, _ in self.windows])
+
+    @property
+    def allowed(self) -> Array:
+        """The same, with as much noise as there may be."""
+        return np.array([self.series[k].allowed for k, _, _ in self.windows])
+
+    @property
+    def floor(self) -> Array:
+        """Standard deviation of the samples in each window about a perfect simulation, shape (w,)."""
         return np.array([self.series[k].noise for k, _, _ in self.windows])
+
+    @property
+    def slack(self) -> Array:
+        """Error of each row that says nothing, end to end."""
+        return np.repeat([self.series[k].slack for k, _, _ in self.windows], self.sizes)
 
     def started(self, part: float = START) -> Mask:
         """Rows in the first part of their window, end to end."""

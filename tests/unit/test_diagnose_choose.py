@@ -22,7 +22,7 @@ T = np.arange(0.0, 25.0, 1e-3)
 def series(t, y, u, period_s=1.0, window_s=2.0):
     nothing = np.empty(0)
     good = np.ones(len(t), np.bool_)
-    return Series(t, y, good, t, u, nothing, nothing, 1e-3, window_s, period_s, False)
+    return Series(t, y, good, t, u, nothing, nothing, 1e-3, window_s, period_s, False, 0.0, 0.0, 1e-3, 1e-3)
 
 
 def judged(held, whole, adequacy=50.0):
