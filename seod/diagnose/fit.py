@@ -7,7 +7,7 @@ by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from seod.diagnose.coarse import beyond
 from seod.diagnose.contact import Softness, jumps, smooth, softness
 from seod.diagnose.normal import Normal, Table
 from seod.diagnose.simulate import LOOSE, VELOCITY
+from seod.diagnose.windows import Cut
 from sim.physics import dry_friction
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from seod.diagnose.answer import Array, Mask
     from seod.diagnose.model import Model
-    from seod.diagnose.windows import Cut
 
     Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
@@ -79,8 +79,11 @@ def fit(
 
     `free` tells which numbers are searched, None: all; `ended` is asked before each step.
     """
-    search = Search(model, cut, each, np.ones(len(x), np.bool_) if free is None else free)
-    return search.run(x, start, most, ended)
+    free = np.ones(len(x), np.bool_) if free is None else free
+    if np.any(cut.slack > 0.0) and most > 1:
+        near = Search(model, rounded(cut), each, free).run(x, start, most // 2, ended)
+        x, start, most = near.x, near.start, most - most // 2
+    return Search(model, cut, each, free).run(x, start, most, ended)
 
 
 class Search:
@@ -210,6 +213,12 @@ class Search:
         ]
         table = Table(every, weights, self.slices)
         return Normal(np.array(products), states, sizes, self.free, len(x), table)
+
+
+def rounded(cut: Cut) -> Cut:
+    """The same, rounding as white noise: from afar it leads to the right place, not quite into it."""
+    every = [replace(one, slack=0.0, level=one.noise, allowed=one.noise) for one in cut.series]
+    return Cut(every, cut.windows)
 
 
 def least_square(cut: Cut) -> Array:

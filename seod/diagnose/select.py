@@ -20,7 +20,7 @@ MOST: Final = 4
 """Effects in a set."""
 GAIN: Final = 0.02
 """Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
-COARSE_GAIN: Final = 0.2
+COARSE_GAIN: Final = 1.0
 """The same of a coarse sensor, whose noise is not known."""
 AS_WELL: Final = 0.004
 """Mean log squared error up to which another set explains the recordings as well."""
