@@ -17,6 +17,10 @@ HARMONICS: Final = 6
 """Of the command, with which a disturbance can be in step; above it is hardly an answer."""
 SHORTEST_S: Final = 1.0
 """Periods searched for: a faster limit cycle wanders, and does not look like a slow disturbance."""
+IRREGULAR: Final = 0.05
+MOSTLY: Final = 0.9
+"""How far a relay's periods are from their median, most of them, where it has a frequency."""
+REGULAR_CYCLES: Final = 10
 _GRID: Final = 1 << 14
 
 
@@ -26,13 +30,28 @@ def in_step(cut: Cut, omega: float) -> bool:
 
 
 def _in_step(one: Series, omega: float) -> bool:
-    period = command_period_s(one.t, one.u)
+    period, lowest = relay_period_s(one.t, one.u), 1.5  # it may have locked to a disturbance of its frequency
+    if period is None:
+        period, lowest = command_period_s(one.t, one.u), 0.5
     if period is None:
         return False
     order = omega * period / (2.0 * math.pi)
-    if not 0.5 < order < HARMONICS + 0.5:
+    if not lowest < order < HARMONICS + 0.5:
         return False
     return abs(order - round(order)) < min(period / float(one.t[-1] - one.t[0]), 0.5)
+
+
+def relay_period_s(t: Array, u: Array) -> float | None:
+    """Mean period of a command of two values that switches regularly [s], None of any other."""
+    low, high = float(np.min(u)), float(np.max(u))
+    if not np.all((u == low) | (u == high)):
+        return None
+    rises = t[1:][np.diff(u) > 0.0]
+    periods = np.diff(rises)
+    if len(periods) < REGULAR_CYCLES:
+        return None
+    regular = periods[np.abs(periods / np.median(periods) - 1.0) < IRREGULAR]
+    return float(np.mean(regular)) if len(regular) > MOSTLY * len(periods) else None
 
 
 def command_period_s(t: Array, u: Array) -> float | None:
