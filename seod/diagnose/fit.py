@@ -35,10 +35,7 @@ FARTHEST: Final = 30.0
 """Change of another searched number in one step, at most."""
 ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
-_TRIALS: Final = 6
-_STIFFER: Final = 10.0
-_STRAIGHT: Final = 0.5
-"""Damping from which on steps are too short for a bend."""
+_TRIALS: Final = 4
 _AHEAD: Final = 0.1
 """Part of a step at which the second derivative along it is taken."""
 _BEND: Final = 0.5
@@ -122,7 +119,7 @@ class Search:
                 found = self.better(x + step, start, states, error)
                 if found is not None:
                     break
-                damping *= _STIFFER
+                damping *= 6.0
             else:
                 break
             x, damping = x + step, max(damping / 6.0, 1e-9)
@@ -148,7 +145,7 @@ class Search:
         Geodesic acceleration: Transtrum, Sethna, arXiv:1201.5885. Left out where it is no small correction.
         """
         step, states = parts.step(damping, *bounds)
-        if not step.any() or damping > _STRAIGHT:
+        if not step.any():
             return step, states
         ahead, _ = self.tried(x + _AHEAD * step, start + _AHEAD * states)
         second = (2.0 / _AHEAD) * ((residual - ahead) / _AHEAD - parts.along(step, states))

@@ -10,6 +10,7 @@ import numpy as np
 
 from seod.diagnose.coordinates import STIFFEST, WAVES, Coordinate, Scales, Values, base, group
 from sim.effects import EFFECTS
+from sim.effects import STIFFEST as LIMIT
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class Model:
         """All that is switched on, free or not, as `sim.parameters` takes it."""
         free = grouped(self.values(x))
         if "lugre_friction" in free:
-            stiffest = STIFFEST / self.scales.swing * free["coulomb_friction"]["level"]
+            stiffest = min(STIFFEST / self.scales.swing, LIMIT) * free["coulomb_friction"]["level"]
             free["lugre_friction"]["stiffness"] = min(free["lugre_friction"]["stiffness"], stiffest)
         return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
 

@@ -20,6 +20,7 @@ from seod.diagnose.fit import fit
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.rated import rated
 from seod.diagnose.screen import screen
+from seod.diagnose.select import GAIN
 from seod.diagnose.simulate import inside, simulate
 from seod.diagnose.thin import plainer
 from seod.diagnose.widen import widened
@@ -102,7 +103,7 @@ def test_friction_that_does_not_fall_is_the_plain_one(searched, strokes):
     size = {"load_bias.acceleration": -OFFSET, "stribeck_friction.level": LEVEL}
     x = model.searched(truth | size | {"stribeck_friction.speed": 0.05})
     own = Judged.of(fit(model, begun.cut, x, begun.start), strokes[1])
-    plain = plainer(own, strokes[1], screened)
+    plain = plainer(own, strokes[1], screened, GAIN)
     if own.found.model.values(own.found.x)["stribeck_friction.level"] < 1.5 * LEVEL:
         assert set(plain.found.model.names) == {"load_bias", "coulomb_friction"}
     found = plain.found.model.values(plain.found.x)
@@ -138,7 +139,7 @@ def test_a_window_may_begin_within_the_play():
     windows = Cut([one], ((0, first, 400),))
     states = inside(record, Cut([one], ((0, 0, 400),)), np.zeros((1, 7)))[1]
     start = np.zeros((1, 7))
-    start[0, :3] = states[first]
+    start[0, :3] = states[first, :3]
     held = np.max(np.abs(simulate(record, windows, start) - y[first:]))
     start[0, 6] = 0.01 - np.sign(states[first, 1]) * (states[first, 2] - y[first])
     assert np.max(np.abs(simulate(record, windows, start) - y[first:])) < 2e-4
