@@ -69,8 +69,11 @@ def contacts(cut: Cut, seen: Array, states: Array) -> Contacts:
     found = np.flatnonzero((seen != 0.0) & (np.roll(seen, 1) == 0.0) & ~begins)
     moved = states[found, 3] - states[found - 1, 3]
     interval = cut.gathered("t")[found] - cut.gathered("t")[found - 1]
+    speed = states[found, 1]
+    grows = (speed - states[found - 1, 1]) / interval
+    at_contact = np.copysign(np.sqrt(np.maximum(speed**2 - 2.0 * grows * moved, 0.0)), speed)
     with np.errstate(divide="ignore", invalid="ignore"):
-        since = moved / (states[found, 1] * interval)
+        since = moved / (0.5 * (speed + at_contact) * interval)
     return Contacts(found, np.clip(np.nan_to_num(since, nan=0.5), 0.0, 1.0), seen[found])
 
 

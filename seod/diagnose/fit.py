@@ -35,6 +35,8 @@ FARTHEST: Final = 30.0
 """Change of another searched number in one step, at most."""
 ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
+PART: Final = 0.3
+"""Of a step of a window's initial state, where all of it is too far."""
 _TRIALS: Final = 4
 _AHEAD: Final = 0.1
 """Part of a step at which the second derivative along it is taken."""
@@ -114,7 +116,7 @@ class Search:
             parts = self.derivatives(x, start, residual, error)
             curvature = parts.curvature()
             bounds = np.maximum(self.low - x, -self.reach), np.minimum(self.high - x, self.reach)
-            for _ in range(_TRIALS):
+            for _ in range(_TRIALS if self.soft is None else 2 * _TRIALS):
                 step, states = self.bent(parts, x, start, residual, damping, bounds)
                 found = self.better(x + step, start, states, error)
                 if found is not None:
@@ -169,19 +171,24 @@ class Search:
     ) -> tuple[Array, Array, Array] | None:
         """The step's initial states, residual and errors if it is an improvement.
 
-        A window that its new initial state makes worse keeps the old one.
+        A window that its new initial state makes worse goes a part of the way there, or keeps the old one.
         """
-        new = start + states
-        new[:, LOOSE] = np.maximum(new[:, LOOSE], 0.0)  # no further than the flank of a play
-        residual, now = self.tried(x, new)
-        worse = ~(now < error)
-        if worse.any():
-            kept, old = self.tried(x, start)
-            back = worse & (old < now)
-            new[back], now[back] = start[back], old[back]
-            for w in np.flatnonzero(back):
-                residual[self.slices[w]] = kept[self.slices[w]]
+        new, residual, now = self.moved(x, start, states, 1.0)
+        for part in (PART, 0.0):
+            worse = ~(now < error)
+            if not worse.any():
+                break
+            less, other, then = self.moved(x, start, states, part)
+            for w in np.flatnonzero(worse & (then < now)):
+                new[w], now[w] = less[w], then[w]
+                residual[self.slices[w]] = other[self.slices[w]]
         return (new, residual, now) if self.cost(now) < self.cost(error) else None
+
+    def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
+        """Initial states after a part of their step, with residual and errors."""
+        new = start + part * states
+        new[:, LOOSE] = np.maximum(new[:, LOOSE], 0.0)  # no further than the flank of a play
+        return new, *self.tried(x, new)
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""

@@ -20,7 +20,6 @@ from seod.diagnose.fit import fit
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.rated import rated
 from seod.diagnose.screen import screen
-from seod.diagnose.select import GAIN
 from seod.diagnose.simulate import inside, simulate
 from seod.diagnose.thin import plainer
 from seod.diagnose.widen import widened
@@ -103,7 +102,7 @@ def test_friction_that_does_not_fall_is_the_plain_one(searched, strokes):
     size = {"load_bias.acceleration": -OFFSET, "stribeck_friction.level": LEVEL}
     x = model.searched(truth | size | {"stribeck_friction.speed": 0.05})
     own = Judged.of(fit(model, begun.cut, x, begun.start), strokes[1])
-    plain = plainer(own, strokes[1], screened, GAIN)
+    plain = plainer(own, strokes[1], screened, 0.02)
     if own.found.model.values(own.found.x)["stribeck_friction.level"] < 1.5 * LEVEL:
         assert set(plain.found.model.names) == {"load_bias", "coulomb_friction"}
     found = plain.found.model.values(plain.found.x)
