@@ -37,10 +37,13 @@ SINGLE = [
     ("missing_samples", "steps", True),
     ("timing_jitter", "relay", True),
     ("lugre_friction", "steps", False),
+    ("lugre_friction", "two-phase", True),
+    ("backlash", "relay", True),
 ]
 PAIRS = [
     (("coulomb_friction", "transport_delay"), "steps", False),
     (("periodic_disturbance", "position_ripple"), "multisine", False),
+    (("backlash", "sensor_quantization"), "multisine", False),
 ]
 UNLISTED = [("gusts", "multisine", True), ("volume", "steps", False)]
 SECONDS = 12.0
@@ -60,7 +63,9 @@ def told_of(case, folder, search_s=SEARCH_S):
     return told.as_json()
 
 
-@pytest.mark.parametrize(("cause", "excitation", "sees_speed"), SINGLE, ids=[each[0] for each in SINGLE])
+@pytest.mark.parametrize(
+    ("cause", "excitation", "sees_speed"), SINGLE, ids=[f"{one[0]}-{one[1]}" for one in SINGLE]
+)
 def test_a_hidden_cause_is_named(tmp_path, cause, excitation, sees_speed):
     case = draw(3, "one", (cause,), excitation, sees_speed, duration=SECONDS)
     told = told_of(case, tmp_path)

@@ -13,7 +13,7 @@ from seod.data import read
 from seod.diagnose.budget import Budget
 from seod.diagnose.choose import worse
 from seod.diagnose.command import diagnose
-from seod.diagnose.command_period import command_period_s, in_step
+from seod.diagnose.command_period import command_period_s, in_step, relay_period_s
 from seod.diagnose.windows import Cut, Series, cut, pieces
 
 T = np.arange(0.0, 25.0, 1e-3)
@@ -72,6 +72,19 @@ def test_a_command_that_repeats_itself_has_a_period():
 def test_what_repeats_with_the_command_is_no_disturbance(order, expected):
     one = series(T, T, np.sign(np.sin(2.0 * np.pi * T / 6.0)))
     assert in_step(Cut((one,), ((0, 0, len(T)),)), order * 2.0 * np.pi / 6.0) is expected
+
+
+def test_what_is_in_step_with_a_relay_is_its_answer_but_for_its_own_frequency():
+    t = np.arange(12000) / 1000.0
+    u = np.sign(np.sin(2.0 * np.pi * t / 0.0623))
+    u[u == 0.0] = 1.0
+    assert relay_period_s(t, u) == pytest.approx(0.0623, rel=1e-3)
+    windows = Cut((series(t, np.sin(t), u),), ((0, 0, len(t)),))
+    told = [in_step(windows, order * 2.0 * np.pi / 0.0623) for order in (1.0, 2.0, 3.0, 3.1, 6.0, 8.0)]
+    assert told == [False, True, True, False, True, False]
+    assert relay_period_s(t, u * (1.0 + 0.1 * np.sin(t))) is None
+    wandering = np.where(np.sin(2.0 * np.pi * (8.0 + 0.5 * t) * t) > 0.0, 1.0, -1.0)
+    assert relay_period_s(t, wandering) is None
 
 
 def test_pieces_hold_a_period_at_least():

@@ -127,4 +127,4 @@ def test_windows_begin_where_the_plant_written_apart_is():
     assert np.max(np.abs(simulate(record, windows, start) - y[rows])) < 1e-5 * np.ptp(y)
     seen, within = inside(record, windows, start)
     assert np.array_equal(seen, simulate(record, windows, start))
-    assert np.all(np.max(np.abs(within - states[rows]), axis=0) < 1e-4 * np.ptp(states, axis=0))
+    assert np.all(np.max(np.abs(within[:, :3] - states[rows]), axis=0) < 1e-4 * np.ptp(states, axis=0))
