@@ -122,6 +122,13 @@ def test_defects_of_a_record_leave_the_plant_as_it_is(found):
     assert not any("Without them" in each for each in consequences(same))
 
 
+def test_friction_that_gives_way_says_by_how_much(found):
+    bristles = {"coulomb_friction": {"level": 400.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
+    told = " ".join(consequences(replace(found, extended=replace(found.extended, effects=bristles))))
+    assert "gives way by 0.004 " in told
+    assert not any("gives way" in each for each in consequences(found))
+
+
 def test_the_terminal_gets_the_same(found):
     text = as_text(found, "rad")
     for each in ("coulomb_friction", "250.0 ± 5.0 rad/s^2", "0.4", "! Next experiment", "seod simulate x"):

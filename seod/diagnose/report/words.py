@@ -50,6 +50,7 @@ def consequences(d: Diagnosis) -> Iterator[str]:
     """What the effects did to zeta and omega_n, what cannot be told apart, and what is left."""
     if d.effects:
         yield from _plant(d)
+    yield from _bristles(d)
     for effect in d.effects:
         if effect.indistinguishable_from:
             others = ", ".join(effect.indistinguishable_from)
@@ -80,6 +81,14 @@ def _plant(d: Diagnosis) -> Iterator[str]:
     if vague:
         models = " and the ".join(vague)
         yield f"Of the {models} model only omega_n / (2 zeta) is told: as good as a first-order lag."
+
+
+def _bristles(d: Diagnosis) -> Iterator[str]:
+    """How far friction gives way before it slides, where the extended model has it."""
+    stiffness = d.extended.effects.get("lugre_friction", {}).get("stiffness", 0.0)
+    if stiffness > 0.0:
+        way = d.extended.effects["coulomb_friction"]["level"] / stiffness
+        yield f"The friction gives way by {number(way)} (unit of position) before it slides: lugre_friction."
 
 
 def _vague(score: Score) -> bool:
