@@ -41,7 +41,7 @@ def covariance(found: Fitted) -> Array:
 def base_sd(found: Fitted, spread: Array) -> dict[str, float]:
     """Standard deviations of K_L, omega_n and zeta, whose logarithms are searched."""
     values = found.model.values(found.x)
-    return {name: abs(values[name]) * math.sqrt(spread[k, k]) for k, name in enumerate(BASE)}
+    return {name: abs(values[name]) * math.sqrt(max(spread[k, k], 0.0)) for k, name in enumerate(BASE)}
 
 
 def effect_parameters(found: Fitted, name: str, spread: Array) -> dict[str, Parameter]:

@@ -52,6 +52,11 @@ def test_the_same_of_a_speed_with_a_turned_sign():
     assert found.model.values(found.x)["K_L"] == pytest.approx(-K_L, rel=2e-3)
 
 
+def test_a_curvature_that_rounding_made_negative_breaks_nothing_off(clean):
+    found = baseline(clean[0], False, {}).best
+    assert base_sd(found, np.diag([-1e-30, 1e-6, 1e-6]))["K_L"] == 0.0
+
+
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Standardised errors of twenty recordings: of unit variance."""
     u = multisine(4000)
