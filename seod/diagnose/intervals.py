@@ -9,8 +9,10 @@ import numpy as np
 from scipy.stats import ttest_1samp
 
 from seod.diagnose.answer import Parameter
-from seod.diagnose.fit import least_square, weighted
+from seod.diagnose.contact import contacts, jumps
+from seod.diagnose.fit import Search, least_square, weighted
 from seod.diagnose.model import BASE, grouped
+from seod.diagnose.simulate import inside
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
 
@@ -26,16 +28,46 @@ _STEP: Final = 1e-4
 
 
 def covariance(found: Fitted) -> Array:
-    """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise."""
-    size = np.sqrt(np.maximum(found.curvature.diagonal(), 1e-300))
-    scaled = found.curvature / np.outer(size, size)
-    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
+    """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
+
+    Of a coarse sensor's samples those count that lie outside their interval, by their own error.
+    """
     cut = found.cut
-    residual = weighted(found.model, cut, found.x, found.start)
+    residual = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
+    curvature = _curvature(found)
+    if np.any(cut.slack > 0.0):
+        outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
+        curvature = np.asarray(outside * curvature)
+    size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
+    scaled = curvature / np.outer(size, size)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
     whitened = np.concatenate(
         [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, found.error, strict=True)]
     )
-    return np.asarray(inverse * max(1.0, correlation_time(whitened)))
+    out = np.asarray(inverse * max(1.0, correlation_time(whitened)))
+    for k, coordinate in enumerate(found.model.coordinates):
+        if coordinate.place == "backlash.gap":
+            out[k, k] += (_closing(found) / coordinate.scale) ** 2
+    return out
+
+
+def _closing(found: Fitted) -> float:
+    """Uncertainty of a play seen closing [unit]: jumps of a regular movement lie alike between samples."""
+    record = found.model.record(found.x)
+    if not jumps(record):
+        return 0.0
+    jump = contacts(found.cut, *inside(record, found.cut, found.start)).jump
+    tick = found.cut.series[found.cut.windows[0][0]].tick
+    return float(np.median(np.abs(jump))) * tick / math.sqrt(12.0) if len(jump) else 0.0
+
+
+def _curvature(found: Fitted) -> Array:
+    """Of the fit; where jumps were ramps, with the shortest."""
+    if not jumps(found.model.record(found.x)):
+        return found.curvature
+    search = Search(found.model, found.cut, map, np.ones(len(found.x), np.bool_))
+    residual, error = search.tried(found.x, found.start)
+    return search.derivatives(found.x, found.start, residual, error).curvature()
 
 
 def base_sd(found: Fitted, spread: Array) -> dict[str, float]:

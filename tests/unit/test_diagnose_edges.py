@@ -16,6 +16,7 @@ from seod.diagnose.coarse import beyond, noise_beneath, readings
 from seod.diagnose.contact import Softness, contacts, smooth
 from seod.diagnose.coordinates import Scales, further_causes
 from seod.diagnose.fit import fit, settle, weighted
+from seod.diagnose.intervals import covariance, effect_parameters
 from seod.diagnose.model import baseline_model
 from seod.diagnose.score import held_out
 from seod.diagnose.simulate import inside, simulate
@@ -208,3 +209,13 @@ def test_bristles_come_and_go_with_the_friction_that_they_bear():
         | {"lugre_friction.stiffness": 1e9, "lugre_friction.damping": 1.0}
     )
     assert both.record(stiff)["lugre_friction_stiffness"][0] == 0.0  # no level, no bristles
+
+
+def test_a_play_in_a_speed_is_told_no_better_than_a_sample_allows():
+    one = recorded("gap", speed=True)
+    model, (windows, _) = model_of(one, "backlash", speed=True), cut([one])
+    x = model.searched(TRUTH | {"backlash.gap": 0.03})
+    found = fit(model, windows, x, simulated_states(model, x, windows), most=30)
+    told = effect_parameters(found, "backlash", covariance(found))["gap"]
+    assert told.ci95[0] < 0.03 < told.ci95[1]
+    assert 1e-4 < told.ci95[1] - told.ci95[0] < 6e-3  # some 3 unit/s for a millisecond, over sqrt(12)
