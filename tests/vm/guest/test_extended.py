@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +22,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EFFECTS = {"valve_deadband": {"half_width": 0.03}}
-WANTED = 12
-"""Estimates, one each half cycle: six periods of the limit cycle."""
+WANTED = 24
+"""Estimates, one each half cycle: twelve periods of the limit cycle."""
+UNDISTURBED = 0.25
+"""Part of the cycles that no pause of the guest has made longer and larger: it makes none smaller."""
 
 
 def recorded(config: Path, folder: Path, axis: str, effects: dict[str, dict[str, float]]) -> Recording:
@@ -50,11 +51,12 @@ def recorded(config: Path, folder: Path, axis: str, effects: dict[str, dict[str,
 
 
 def limit_cycle(data: Recording) -> tuple[float, float]:
-    """Period [s] and amplitude of the cycles but the first two; medians, for the guest may be paused."""
+    """Period [s] and amplitude of the cycles but the first two, of the less disturbed ones."""
     up = np.flatnonzero((data.u[1:] > 0.0) & (data.u[:-1] <= 0.0))[2:]
     assert len(up) > 3
     swings = [float(np.nanmax(data.y[a:b]) - np.nanmin(data.y[a:b])) for a, b in pairwise(up)]
-    return float(np.median(np.diff(data.t[up]))), 0.5 * median(swings)
+    period, swing = (float(np.quantile(each, UNDISTURBED)) for each in (np.diff(data.t[up]), swings))
+    return period, 0.5 * swing
 
 
 def test_it_swings_as_the_recording_did(tmp_path: Path) -> None:
