@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.coordinates import Scales
+from seod.diagnose.coordinates import DAMPED_BY_RELAY, Scales
 from seod.diagnose.fit import fit
 from seod.diagnose.linear import linear_gain
 from seod.diagnose.model import BASE, baseline_model
-from seod.diagnose.simulate import LOOSE, STATES, inside
+from seod.diagnose.simulate import inside
+from seod.diagnose.states import measured_places, simulated_states, travelled
 from seod.diagnose.windows import Cut, dominant_hz, pieces, sample, undivided
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
+    from collections.abc import Mapping
 
     from seod.diagnose.answer import Array
     from seod.diagnose.fit import Each, Fitted
@@ -34,8 +33,6 @@ KEPT: Final = 3
 """Cells of the grid from which the search goes on."""
 GRID_S: Final = 3.0
 """Of windows in which the grid is searched."""
-LEVELS: Final = 4
-"""Commands that a relay gives, at most: two, with another bias four."""
 QUICKER: Final = 1.2
 DAMPED: Final = 0.3
 """A plant's natural frequency over its limit cycle's, which delay and play make slower; and its damping."""
@@ -46,42 +43,6 @@ SHORT_ROWS: Final = 100
 """Least length of the short pieces [s, samples]."""
 
 
-def two_valued(every: Sequence[Series]) -> bool:
-    """Whether a relay gave the commands."""
-    return all(len(np.unique(one.u)) <= LEVELS for one in every)
-
-
-def measured_places(cut: Cut) -> Array:
-    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 7)."""
-    start = np.zeros((len(cut.windows), STATES))
-    for w, (k, first, last) in enumerate(cut.windows):
-        one = cut.series[k]
-        rows = first + np.flatnonzero(one.good[first:last])[:1]
-        start[w, 2] = _travelled(one)[first] if one.sees_speed else one.y[rows[0]]
-    return start
-
-
-def _travelled(one: Series) -> Array:
-    y = np.interp(one.t, one.t[one.good], one.y[one.good])
-    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
-
-
-def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
-    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 7)."""
-    start = measured_places(cut)
-    record = model.record(x)
-    for k in {of for of, _, _ in cut.windows}:
-        whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
-        seen, states = inside(record, whole, measured_places(whole))
-        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
-        for w, (of, first, _) in enumerate(cut.windows):
-            if of == k:
-                start[w, :2] = states[first, :2]
-                start[w, LOOSE] = loose[first]
-                start[w, 2] += states[first, 2] - seen[first] if loose.any() else 0.0
-    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
-
-
 class Begun(NamedTuple):
     """Eq. 1, with the effects that the rig's file has, on windows.
 
@@ -90,22 +51,13 @@ class Begun(NamedTuple):
     Attributes:
         best: Fitted to them from several starts.
         near: Fitted to short pieces of them with a free load bias, which slow effects hardly touch.
-        whole: Fitted to whole recordings, whose one initial state makes up for nothing.
-        swung: Of a relay's recording a plant whose own frequency is near the limit cycle's, as every
-            plant's is that a relay drives; else `whole` again.
+        other: Fitted to whole recordings, whose one initial state makes up for nothing; of those of a relay
+            a plant whose own frequency is near the limit cycle's, as every plant's is that a relay drives.
     """
 
     best: Fitted
     near: Fitted
-    whole: Fitted
-    swung: Fitted
-
-
-def _loose(record: NDArray[np.void], seen: Array, states: Array) -> Array:
-    """How far the load is from the flank of its play that it runs against, by the position that is seen."""
-    gap = float(record["backlash_gap"][0])
-    flank = 0.5 * gap - np.copysign(1.0, states[:, 1]) * (states[:, 2] - seen)
-    return np.asarray(np.clip(np.nan_to_num(flank), 0.0, gap))
+    other: Fitted
 
 
 def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]], each: Each = map) -> Begun:
@@ -116,20 +68,22 @@ def baseline(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]
     local = min(each(lambda cell: _biased(cell, short), cells), key=lambda one: one.cost)
     starts = [local, *_cells(few, sees_speed, fixed, each)[: KEPT - 1]]
     found: list[Fitted] = list(each(lambda cell: _plain(cell, cut), starts))
-    near = _unchanged(*_begun(local, cut), cut)
+    near = unchanged(*_begun(local, cut), cut)
+    best = min(found, key=lambda one: one.cost)
+    if all(one.relayed for one in cut.series):
+        return Begun(best, near, _swung(cut, sees_speed, fixed))
     wide = undivided(cut)
     of_whole = _plain(_cells(wide, sees_speed, fixed, each)[0], wide)
-    whole = _unchanged(of_whole.model, of_whole.x, cut)
-    best = min(found, key=lambda one: one.cost)
-    swung = whole
-    if two_valued(cut.series):
-        at = cut.series[cut.windows[0][0]]
-        omega = QUICKER * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
-        swung = _unchanged(*_begun(_cell(cut, sees_speed, fixed, (omega, DAMPED)), cut), cut)
-    return Begun(best, near, whole, swung)
+    return Begun(best, near, unchanged(of_whole.model, of_whole.x, cut))
 
 
-def _unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
+def _swung(cut: Cut, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]]) -> Fitted:
+    at = cut.series[cut.windows[0][0]]
+    omega = QUICKER * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+    return unchanged(*_begun(_cell(cut, sees_speed, fixed, (omega, DAMPED)), cut), cut)
+
+
+def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
     """A plant fitted elsewhere, on these windows."""
     return fit(model, cut, x, simulated_states(model, x, cut), free=np.zeros(len(x), np.bool_))
 
@@ -179,7 +133,8 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
     size = max(float(np.std(y)), 1e-12)
     tick = max(one.tick for one in cut.series)
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
-    return replace(rough, slowest=max(rough.slowest, _slowest(cut)))
+    damped = DAMPED_BY_RELAY if all(one.relayed for one in cut.series) else rough.damped
+    return replace(rough, slowest=max(rough.slowest, _slowest(cut)), damped=damped)
 
 
 def _slowest(cut: Cut) -> float:
@@ -223,13 +178,14 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         tick_s=max(one.tick for one in used),
         step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
         warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
+        relayed=all(len(np.unique(one.u)) <= 2 for one in used),
         pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
     )
 
 
 def _places(one: Series) -> Array:
     """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
-    places = _travelled(one) if one.sees_speed else one.y[one.good]
+    places = travelled(one) if one.sees_speed else one.y[one.good]
     return np.clip(places, *np.quantile(places, (FEW, 1.0 - FEW)))
 
 

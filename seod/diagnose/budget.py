@@ -43,9 +43,9 @@ class Budget:
         self.missed |= over
         return over
 
-    def trial(self) -> Callable[[], bool]:
+    def trial(self, part: float = TRIAL) -> Callable[[], bool]:
         """Tells when one trial has had its part, or nothing is left at all."""
-        over = self._after(TRIAL)
+        over = self._after(part)
         return lambda: over() or self.spent
 
     def last_fit(self) -> Callable[[], bool]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from seod.diagnose.begin import unchanged
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.select import AS_WELL, least_gain
@@ -56,18 +57,20 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
 def _over_whole(
     base: Fitted, grown: Grown, wide: Cut, aside: Cut, screen: Screen
 ) -> tuple[Judged, list[Judged]]:
-    """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there."""
-    sized = replace(base.model, scales=grown.best[-1].model.scales)
-    over, plain = screen.budget.looking(), refined(replace(base, model=sized), wide, screen)
+    """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there.
+
+    They grow from the plant of the windows: fitted to whole recordings alone it may swing of its own.
+    """
+    over, plain = screen.budget.looking(), refined(base, wide, screen)
+    root = unchanged(replace(base.model, scales=grown.best[-1].model.scales), base.x, wide)
     sets: list[Fitted] = []
     for one in _looked_at(grown):
         if over():
             break
         sets.append(refined(one, wide, screen))
     over = screen.budget.looking()
-    for root in (plain, min(sets, key=lambda one: one.cost, default=None)):
-        if root is not None:
-            sets += widened(root, screen, over)[1:]
+    for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
+        sets += widened(parent, screen, over)[1:]
     return Judged.of(plain, aside), [Judged.of(one, aside) for one in sets]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.begin import Begun, baseline, scales, simulated_states
+from seod.diagnose.begin import Begun, baseline, scales
 from seod.diagnose.budget import SEARCH_S, Budget
 from seod.diagnose.choose import choose
 from seod.diagnose.column_check import gain_remarks
@@ -23,6 +23,7 @@ from seod.diagnose.rated import rated
 from seod.diagnose.score import held_out
 from seod.diagnose.screen import screen
 from seod.diagnose.select import grow
+from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
-    for one in (begun.near, begun.whole, begun.swung):
+    for one in (begun.near, begun.other):
         other = replace(one.model, scales=sizes)
         start, nothing = screened.start(other, one.x), np.zeros(len(one.x), np.bool_)
         root = fit(other, screened.cut, one.x, start, free=nothing)

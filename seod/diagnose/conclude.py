@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
-from seod.diagnose.begin import two_valued
 from seod.diagnose.experiment import beyond_a_relay, next_experiment
 from seod.diagnose.intervals import base_sd, covariance
+from seod.diagnose.judge import Judged
 from seod.diagnose.left import unexplained
-from seod.diagnose.score import drawn, held_out, nrmse, score, wholes, windows
+from seod.diagnose.score import drawn, nrmse, score, wholes, windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,7 +97,7 @@ def _experiment(found: Found, aside: Cut) -> NextExperiment | None:
     volts = float(np.max(np.abs(one.u)))
     asked = best.model, best.x, one.noise, volts, one.tick
     told = next_experiment(found.effects, *asked)
-    return told or (beyond_a_relay(*asked) if two_valued(aside.series) else None)
+    return told or (beyond_a_relay(*asked) if all(one.relayed for one in aside.series) else None)
 
 
 def _scored(fitted: Fitted, held: HeldOut) -> tuple[Score, list[Array]]:
@@ -113,8 +113,8 @@ def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
 
 
 def _windows(found: Found, to_fit: Cut) -> list[Window]:
-    base, best = found.base, found.chosen.found
-    seen = windows(held_out(base.model, base.x, to_fit), held_out(best.model, best.x, to_fit), aside=False)
+    pair = [Judged.of(one, to_fit).held for one in (found.base, found.chosen.found)]
+    seen = windows(*pair, aside=False)
     seen += windows(found.held, found.chosen.held, aside=True)
     return sorted(seen, key=lambda window: (window.file, window.rows))
 

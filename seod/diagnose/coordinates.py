@@ -23,8 +23,16 @@ WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
 STIFFEST: Final = 1e3
 """Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
+DAMPED_BY_RELAY: Final = 5.0
+"""Largest zeta under a relay: of more damping only the slower pole shows, and the other takes time."""
+LEAST: Final = 1e-4
+MOST: Final = 200.0
+"""Friction over the pressure that accelerates the load: most of it where a relay nearly stalls the load. Its
+logarithm is searched: along the valleys between friction and plant all change in proportion."""
 STEPS_SEEN: Final = 3.0
 """Of a coarse sensor to a wave, at least: the waves of its rounding are as long as a step, or parts of it."""
+GAINS: Final = {"valve_deadband", "valve_hysteresis", "valve_saturation"}
+"""Effects that are a smaller gain where there are two commands only."""
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
 """Effects that are a wave: searched as cosine and sine parts, which act nearly linearly."""
 
@@ -83,7 +91,9 @@ class Scales:
         tick_s: Sampling interval [s].
         step: Of a coarse sensor of positions [unit], 0 where none is seen.
         slowest: Natural frequency that is searched, at least [rad/s]: of less, windows show no swing.
+        damped: Largest zeta that is searched.
         warmer: The temperature changes.
+        relayed: There are two commands only.
         pressed: The supply pressure changes.
     """
 
@@ -98,7 +108,9 @@ class Scales:
     tick_s: float
     step: float = 0.0
     slowest: float = 2.0
+    damped: float = 20.0
     warmer: bool = False
+    relayed: bool = False
     pressed: bool = False
 
 
@@ -110,12 +122,12 @@ class Group:
     starts: tuple[Values, ...]
 
 
-def base(sign: float, tick_s: float, slowest: float) -> tuple[Coordinate, ...]:
-    """K_L, omega_n and zeta; `sign` is that of K_L, `slowest` the least omega_n [rad/s]."""
+def base(sign: float, scales: Scales) -> tuple[Coordinate, ...]:
+    """K_L, which has this sign, omega_n and zeta."""
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, slowest, 0.8 / tick_s),
-        Coordinate("zeta", 1.0, 1e-3, 20.0),
+        Coordinate("omega_n", 1.0, scales.slowest, 0.8 / scales.tick_s),
+        Coordinate("zeta", 1.0, 1e-3, scales.damped),
     )
 
 
@@ -141,6 +153,8 @@ def searched_causes(scales: Scales) -> list[str]:
     """Effects that a simulation can show in these recordings."""
     causes = [e.name for e in EFFECTS.values() if e.cause and e.enters != "record"]
     causes.remove("sensor_quantization")
+    if scales.relayed:
+        causes = [each for each in causes if each not in GAINS]
     if not scales.pressed:
         causes.remove("pressure_dependent_stiffness")
     return causes
@@ -226,8 +240,8 @@ def _load(s: Scales) -> dict[str, Group]:
         **_signed("load_spring.centre", max(s.travel, 1e-9), 1e6),
     }
     stribeck = {
-        **_linear("stribeck_friction.level", 0.1 * size, 0.0, 10.0 * size),
-        **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 3.0 * s.speed),
+        **_sized("stribeck_friction.level", LEAST * size, MOST * size),
+        **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 30.0 * s.speed),
     }
     resonance = {
         **_sized("load_resonance.inertia", 1e-3, 10.0),
@@ -245,7 +259,7 @@ def _load(s: Scales) -> dict[str, Group]:
         **_group("load_spring", spring, (0.02 * s.omega_n**2, s.centre), (0.2 * s.omega_n**2, s.centre)),
         "coulomb_friction": _far(
             HELD,
-            _linear("coulomb_friction.level", 0.1 * size, 0.0, 20.0 * size),
+            _sized("coulomb_friction.level", LEAST * size, MOST * size),
             *((x * size,) for x in (0.02, 0.1, 0.3)),
         ),
         "stribeck_friction": _far(

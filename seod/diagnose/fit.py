@@ -8,7 +8,7 @@ by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,8 @@ ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
 PART: Final = 0.3
 """Of a step of a window's initial state, where all of it is too far."""
+SETTLED: Final = 2
+"""Steps of the initial states alone, where a step of the numbers is too far."""
 _TRIALS: Final = 4
 _AHEAD: Final = 0.1
 """Part of a step at which the second derivative along it is taken."""
@@ -88,6 +90,22 @@ def fit(
     return Search(model, cut, each, free).run(x, start, most, ended)
 
 
+class Place(NamedTuple):
+    """Where a search is.
+
+    Attributes:
+        x: Searched numbers, shape (p,).
+        start: Initial states, shape (w, 7).
+        residual: Where there are samples, shape (n,).
+        error: Mean squared error of each window, shape (w,).
+    """
+
+    x: Array
+    start: Array
+    residual: Array
+    error: Array
+
+
 class Search:
     """A search under way: what is measured, and what is free."""
 
@@ -103,57 +121,69 @@ class Search:
 
     def run(self, x: Array, start: Array, most: int, ended: Callable[[], bool] = lambda: False) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
-        residual, error = self.tried(x, start)
+        at = Place(x, start, *self.tried(x, start))
         curvature = np.zeros((len(x), len(x)))
         damping = 1e-2
         for _ in range(most):
             if ended():
                 break
-            if jumps(self.model.record(x)):
-                self.soft = softness(self.model.record(x), self.cut, start)
-                residual, error = self.tried(x, start)
-            before = self.cost(error)
-            parts = self.derivatives(x, start, residual, error)
+            if jumps(self.model.record(at.x)):
+                self.soft = softness(self.model.record(at.x), self.cut, at.start)
+                at = Place(at.x, at.start, *self.tried(at.x, at.start))
+            before = self.cost(at.error)
+            parts = self.derivatives(*at)
             curvature = parts.curvature()
-            bounds = np.maximum(self.low - x, -self.reach), np.minimum(self.high - x, self.reach)
+            bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
             for _ in range(_TRIALS if self.soft is None else 2 * _TRIALS):
-                step, states = self.bent(parts, x, start, residual, damping, bounds)
-                found = self.better(x + step, start, states, error)
+                found = self.stepped(parts, at, damping, bounds)
                 if found is not None:
                     break
                 damping *= 6.0
             else:
                 break
-            x, damping = x + step, max(damping / 6.0, 1e-9)
-            start, residual, error = found
-            if before - self.cost(error) < ENOUGH:
+            at, damping = found, max(damping / 6.0, 1e-9)
+            if before - self.cost(at.error) < ENOUGH:
                 break
         if self.soft is not None:
             self.soft = None
-            error = self.tried(x, start)[1]
-        return Fitted(self.model, self.cut, x, start, error, self.cost(error), curvature)
+            at = at._replace(error=self.tried(at.x, at.start)[1])
+        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error), curvature)
+
+    def stepped(self, parts: Normal, at: Place, damping: float, bounds: tuple[Array, Array]) -> Place | None:
+        """Where a step leads; None: nowhere better.
+
+        Where the bent step worsens things, the initial states that belong to the straight one are looked for:
+        they do not change in proportion where friction holds the load.
+        """
+        straight = parts.step(damping, *bounds)
+        better = self.better(at, *self.bent(straight, parts, at, damping, bounds))
+        if better is not None or not len(self.free):
+            return better
+        x, start = at.x + straight[0], at.start + straight[1]
+        start = settle(self.model, self.cut, x, start, self.good, SETTLED)
+        settled = Place(x, start, *self.tried(x, start))
+        return settled if self.cost(settled.error) < self.cost(at.error) else None
 
     def bent(
         self,
+        straight: tuple[Array, Array],
         parts: Normal,
-        x: Array,
-        start: Array,
-        residual: Array,
+        at: Place,
         damping: float,
         bounds: tuple[Array, Array],
     ) -> tuple[Array, Array]:
         """A step along the bend of the valley: with the second derivative in its own direction.
 
-        Geodesic acceleration: Transtrum, Sethna, arXiv:1201.5885. Left out where it is no small correction.
+        Geodesic acceleration: Transtrum, Sethna, arXiv:1201.5885. Straight where it is no small correction.
         """
-        step, states = parts.step(damping, *bounds)
+        step, states = straight
         if not step.any():
-            return step, states
-        ahead, _ = self.tried(x + _AHEAD * step, start + _AHEAD * states)
-        second = (2.0 / _AHEAD) * ((residual - ahead) / _AHEAD - parts.along(step, states))
+            return straight
+        ahead, _ = self.tried(at.x + _AHEAD * step, at.start + _AHEAD * states)
+        second = (2.0 / _AHEAD) * ((at.residual - ahead) / _AHEAD - parts.along(step, states))
         turn, moved = parts.step(damping, *bounds, right=parts.projected(-0.5 * second))
         if not parts.length(turn) < _BEND * parts.length(step):
-            return step, states
+            return straight
         return np.clip(step + turn, *bounds), states + moved
 
     def cost(self, error: Array) -> float:
@@ -166,23 +196,22 @@ class Search:
         square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
-    def better(
-        self, x: Array, start: Array, states: Array, error: Array
-    ) -> tuple[Array, Array, Array] | None:
-        """The step's initial states, residual and errors if it is an improvement.
+    def better(self, at: Place, step: Array, states: Array) -> Place | None:
+        """After a step of the numbers and one of the initial states, if it is an improvement.
 
         A window that its new initial state makes worse goes a part of the way there, or keeps the old one.
         """
-        new, residual, now = self.moved(x, start, states, 1.0)
+        x = at.x + step
+        new, residual, now = self.moved(x, at.start, states, 1.0)
         for part in (PART, 0.0):
-            worse = ~(now < error)
+            worse = ~(now < at.error)
             if not worse.any():
                 break
-            less, other, then = self.moved(x, start, states, part)
+            less, other, then = self.moved(x, at.start, states, part)
             for w in np.flatnonzero(worse & (then < now)):
                 new[w], now[w] = less[w], then[w]
                 residual[self.slices[w]] = other[self.slices[w]]
-        return (new, residual, now) if self.cost(now) < self.cost(error) else None
+        return Place(x, new, residual, now) if self.cost(now) < self.cost(at.error) else None
 
     def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
         """Initial states after a part of their step, with residual and errors."""
@@ -240,7 +269,7 @@ def weighted(model: Model, cut: Cut, x: Array, start: Array, soft: Softness | No
     seen, more = smooth(model.record(x), cut, start, ramp)
     residual = beyond(cut.gathered("y") - seen, cut.slack)
     residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
-    return np.clip(np.nan_to_num(residual, nan=1e150), -1e150, 1e150)
+    return np.clip(np.nan_to_num(residual, nan=1e100), -1e100, 1e100)
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from seod.diagnose.begin import simulated_states
-from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.score import HeldOut, held_out, wholes
+from seod.diagnose.states import alike_states, best_states, carried_states, simulated_states
 
 if TYPE_CHECKING:
+    from seod.diagnose.answer import Array
     from seod.diagnose.screen import Screen
     from seod.diagnose.windows import Cut
 
@@ -24,7 +25,7 @@ class Judged:
     @classmethod
     def of(cls, found: Fitted, aside: Cut) -> Self:
         """A fitted set, simulated where no fit has seen."""
-        return cls(found, held_out(found.model, found.x, aside))
+        return cls(found, held_out(found.model, found.x, aside, *_known(found, aside)))
 
     @property
     def whole(self) -> float:
@@ -34,8 +35,16 @@ class Judged:
 
 def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
-    start = simulated_states(found.model, found.x, cut)
+    model, x = found.model, found.x
+    start = best_states(model, x, cut, simulated_states(model, x, cut), *_known(found, cut))
+    start = settle(model, cut, x, start, cut.good)
     return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
+
+
+def _known(found: Fitted, cut: Cut) -> list[Array]:
+    """Initial states of windows by those that were fitted."""
+    relayed = all(one.relayed for one in cut.series)
+    return [carried_states(found, cut), *([alike_states(found, cut)] if relayed else [])]
 
 
 def gain(fewer: Judged, more: Judged) -> float:

@@ -90,6 +90,9 @@ class Model:
         if "lugre_friction" in free:
             stiffest = min(STIFFEST / self.scales.swing, LIMIT) * free["coulomb_friction"]["level"]
             free["lugre_friction"]["stiffness"] = min(free["lugre_friction"]["stiffness"], stiffest)
+        if "stribeck_friction" in free:
+            falls = free["stribeck_friction"]
+            falls["level"] = min(falls["level"], 0.999 * LIMIT * falls["speed"])
         return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
 
     def record(self, x: Array) -> NDArray[np.void]:
@@ -97,8 +100,7 @@ class Model:
         values = self.values(x)
         K_L, omega_n, zeta = (values[name] for name in BASE)
         speed = float(self.sees_speed)
-        quick = omega_n * max(1.0, 2.0 * zeta) * self.scales.tick_s
-        accuracy = min(self.accuracy * max(1.0, quick / QUICK), STABLE)
+        accuracy = tolerance(omega_n, zeta, self.scales.tick_s, self.accuracy)
         effects = self.effects(x)
         return parameters(
             K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SHORTEST, measures_speed=speed
@@ -119,11 +121,17 @@ class Model:
         return replace(self, names=names, coordinates=kept)
 
 
+def tolerance(omega_n: float, zeta: float, tick_s: float, accuracy: float = COARSE) -> float:
+    """Of a search's simulation, see `sim.parameters`: poles quicker than a tick need not be followed."""
+    quick = omega_n * max(1.0, 2.0 * zeta) * tick_s
+    return min(accuracy * max(1.0, quick / QUICK), STABLE)
+
+
 def baseline_model(
     scales: Scales, sign: float, sees_speed: bool, fixed: Mapping[str, Mapping[str, float]]
 ) -> Model:
     """Eq. 1, with the effects that the rig's file has."""
-    return Model(scales, (), base(sign, scales.tick_s, scales.slowest), fixed, sees_speed)
+    return Model(scales, (), base(sign, scales), fixed, sees_speed)
 
 
 def grouped(values: Mapping[str, float]) -> Effects:

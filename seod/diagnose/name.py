@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seod.diagnose.answer import FoundEffect, Gain
-from seod.diagnose.fit import fit
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
+from seod.diagnose.judge import refined
 from seod.diagnose.select import AS_WELL
 from sim.effects import EFFECTS
 
@@ -64,9 +64,7 @@ def _in_place_of(
     siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:
-        start = screen.start(rest.model, rest.x)
-        again = fit(rest.model, screen.cut, rest.x, start, 2)
-        siblings = screen.extended([again], found.model.names)
-    own = fit(found.model, screen.cut, found.x, screen.start(found.model, found.x), 6)
+        siblings = screen.extended([refined(rest, screen.cut, screen)], found.model.names)
+    own = refined(found, screen.cut, screen)
     good = sorted((one for one in siblings if one.cost < own.cost + AS_WELL), key=lambda one: one.cost)
     return [next(iter(set(one.model.names) - others)) for one in good]

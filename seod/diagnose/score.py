@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.answer import Score, Whole, Window
-from seod.diagnose.begin import measured_places, simulated_states
 from seod.diagnose.coarse import beyond
 from seod.diagnose.contact import sure
 from seod.diagnose.fit import least_square, settle, weighted
 from seod.diagnose.model import BASE
 from seod.diagnose.simulate import inside, simulate
+from seod.diagnose.states import measured_places, simulated_states
 from seod.diagnose.windows import START, Cut
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _spread(windows: list[tuple[Array, Mask]]) -> float:
     return sum(float(np.sum((y[scored] - np.mean(y[scored])) ** 2)) for y, scored in windows if scored.any())
 
 
-def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> HeldOut:
+def held_out(model: Model, x: Array, cut: Cut, *near: Array) -> HeldOut:
     """Simulate windows from initial states fitted to the first fifth of each.
 
     Of several fits, from the simulation of the whole recording and from `near`, each window takes what fits
@@ -104,9 +104,7 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
     """
     first = cut.started() & cut.good
     record, best = model.record(x), None
-    for begin in (simulated_states(model, x, cut), near):
-        if begin is None:
-            continue
+    for begin in (simulated_states(model, x, cut), *near):
         start = settle(model, cut, x, begin, first)
         error = np.where(first, weighted(model, cut, x, start), 0.0)
         square = np.array([float(error[p] @ error[p]) for p in cut.slices])
@@ -115,7 +113,7 @@ def held_out(model: Model, x: Array, cut: Cut, near: Array | None = None) -> Hel
         else:
             better = square < least
             best[better], least[better] = start[better], square[better]
-    assert best is not None  # noqa: S101 - the first of the two is always there
+    assert best is not None  # noqa: S101 - the first is always there
     simulated, states = inside(record, cut, best)
     scored = cut.good & ~cut.started()
     return HeldOut(cut, simulated, states, best, scored, sure(record, cut, simulated, states))

@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.begin import simulated_states
+from seod.diagnose.cells import DELAYS, SHARES, cells
 from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.simulate import inside
+from seod.diagnose.states import best_states, carried_states, simulated_states
 from seod.diagnose.waves import lines, starts
-from seod.diagnose.windows import Cut, sample
+from seod.diagnose.windows import Cut, sample, sparse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from seod.diagnose.answer import Array
     from seod.diagnose.budget import Budget
+    from seod.diagnose.cells import Cell
     from seod.diagnose.coordinates import Values
     from seod.diagnose.fit import Each
     from seod.diagnose.model import Model
@@ -32,18 +34,22 @@ GLANCE: Final = 2
 """Steps from every start."""
 FAR: Final = 12
 """Steps from one whose K_L and zeta are far from the baseline's."""
+QUICK: Final = 0.015
+"""Part of the search's time that a glance or a look may use: some plants are slow to simulate."""
 LOOK: Final = 3
 """Further steps of the better causes."""
 WHOLE: Final = 4
 """Steps of the promising ones on all windows for trying."""
 STEPS: Final = 12
 """Further steps of the best."""
-CAUSES: Final = 12
+CAUSES: Final = 9
 """Causes of a parent that are looked at."""
 BENT: Final = 1.02
 """Wavenumbers of a ripple over the least, up to which the least has stopped it."""
-PROMISING: Final = 8
+PROMISING: Final = 5
 """Causes of a parent that are fitted to all windows for trying."""
+SLOWLY: Final = 20.0
+"""Speed at which friction has fallen, over the typical one, where it begins as one that hardly does."""
 FRONT: Final = 4
 NEAR: Final = 1.0
 """Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
@@ -75,6 +81,7 @@ class Screen:
         few: Fewer still: which of `cut`.
         each: Maps a function over trials, in parallel.
         budget: What the search may use.
+        cells: Plants to begin from, of a relay's recording.
     """
 
     every: Cut
@@ -82,6 +89,7 @@ class Screen:
     few: tuple[int, ...]
     each: Each
     budget: Budget
+    cells: tuple[Cell, ...] = ()
 
     def start(self, parent: Model, x: Array) -> Array:
         """Initial states on `cut` for a model fitted elsewhere, shape (w, 7)."""
@@ -92,7 +100,9 @@ class Screen:
 
         A race: after each round only the better ones of a parent are fitted further.
         """
+        alike = {parent.model.names: parent for parent in reversed(parents)}
         begun = [each for parent in parents for each in self._entrants(parent, but)]
+        begun += [each for parent in alike.values() for each in self._from_cells(parent, but)]
         seen = _best_starts(one for one in self.each(self._glanced, begun) if one is not None)
         seen = list(self.each(lambda one: self._on(one, LOOK), _front(parents, seen, CAUSES)))
         whole = list(self.each(self._whole, _front(parents, seen, PROMISING)))
@@ -100,6 +110,8 @@ class Screen:
         last = sum(one.found.cost < ranked[0].found.cost + NEAR for one in ranked)
         last = max(last, FRONT)
         better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
+        rubbed = [one for one in better[:last] if _plainly_rubbed(one)]
+        better += [self._falling(one) for one in sorted(rubbed, key=lambda one: one.found.cost)[:1]]
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
 
@@ -110,30 +122,54 @@ class Screen:
             for name in names
             if name not in but
             for start in self.starts(parent, name)
-            if not (parent.model.names and remote(start))
+            if not remote(start) or not (parent.model.names or (self.cells and name in SHARES))
         ]
+
+    def _from_cells(self, parent: Fitted, but: Sequence[str]) -> list[_Entrant]:
+        """Plants of the grid for sets that they are starts of."""
+        model, begun = parent.model, []
+        for name in further_causes(model.scales, model.names):
+            if name not in but and name in {*SHARES, *DELAYS}:
+                own, sign = group(name, model.scales).starts[0], model.coordinates[0].scale
+                some = [
+                    one for one in self.cells if one.K_L * sign > 0.0 and one.begins({*model.names, name})
+                ]
+                begun += [_Entrant(parent, name, own | one.values()) for one in some]
+        return begun
 
     def _glanced(self, one: _Entrant) -> _Runner | None:
         """After a few steps on few windows; None where no time is left."""
         if self.budget.spent:
             return None
-        parent, few = one.parent, list(self.few)
+        parent, few = one.parent, self.cut.only(self.few)
         model = parent.model.with_effect(one.name)
         x = model.searched(begun_from(parent.model.values(parent.x), one.start))
-        most = FAR if remote(one.start) else GLANCE
-        ended = self.budget.trial()
-        found = fit(model, self.cut.only(few), x, parent.start[few], most, ended=ended)
-        return _Runner(parent, one.name, found)
+        most, start = GLANCE, parent.start[list(self.few)]
+        if remote(one.start):
+            most, start = FAR, best_states(model, x, few, start, simulated_states(model, x, few))
+        return _Runner(parent, one.name, fit(model, few, x, start, most, ended=self.budget.trial(QUICK)))
 
     def _on(self, one: _Runner, most: int) -> _Runner:
         """So many steps more where it is."""
-        at, ended = one.found, self.budget.trial()
+        at, ended = one.found, self.budget.trial(most * QUICK / LOOK)
         return one._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
 
     def _whole(self, one: _Runner) -> _Runner:
         """On all windows for trying."""
-        at, start, ended = one.found, self._spread(one.parent, one.found), self.budget.trial()
+        at, start, ended = one.found, one.parent.start.copy(), self.budget.trial()
+        start[list(self.few)] = at.start
+        simulated = simulated_states(at.model, at.x, self.cut)
+        start = best_states(at.model, at.x, self.cut, start, simulated, carried_states(at, self.cut))
         return one._replace(found=fit(at.model, self.cut, at.x, start, WHOLE, ended=ended))
+
+    def _falling(self, one: _Runner) -> _Runner:
+        """The same with friction that falls with the speed; it begins as one that hardly does."""
+        at, ended = one.found, self.budget.trial()
+        model = at.model.without("coulomb_friction").with_effect("stribeck_friction")
+        values = at.model.values(at.x)
+        level, speed = values["coulomb_friction.level"], SLOWLY * model.scales.speed
+        x = model.searched(values | {"stribeck_friction.level": level, "stribeck_friction.speed": speed})
+        return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
 
     def imitates(self, found: Fitted) -> bool:
         """A wave that stands for something else.
@@ -148,11 +184,6 @@ class Screen:
             (c.low for c in found.model.coordinates if c.place == "position_ripple.wavenumber"), 0.0
         )
         return wavenumber is not None and wavenumber < BENT * longest
-
-    def _spread(self, parent: Fitted, found: Fitted) -> Array:
-        start = parent.start.copy()
-        start[list(self.few)] = found.start
-        return start
 
     def starts(self, parent: Fitted, name: str) -> tuple[Values, ...]:
         """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
@@ -169,6 +200,12 @@ class Screen:
         residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
         speed = states[:, 1] if model.sees_speed else None
         return lines(name, cut, residual, states[:, 2], speed)
+
+
+def _plainly_rubbed(one: _Runner) -> bool:
+    """Whether friction was added that is the same at all speeds."""
+    names = one.found.model.names
+    return "coulomb_friction" in names and not {"stribeck_friction", "lugre_friction"} & {*names}
 
 
 def _best_starts(some: Iterable[_Runner]) -> list[_Runner]:
@@ -189,7 +226,7 @@ def _front(parents: Sequence[Fitted], some: Sequence[_Runner], most: int) -> lis
 
 def remote(start: Values) -> bool:
     """Whether a start is far from the parent's own plant."""
-    return "*K_L" in start
+    return not {"*K_L", "K_L"}.isdisjoint(start)
 
 
 def begun_from(values: Values, start: Values) -> Values:
@@ -200,7 +237,8 @@ def begun_from(values: Values, start: Values) -> Values:
 
 def screen(every: Cut, each: Each, budget: Budget) -> Screen:
     """Windows for trying causes, chosen from all windows to fit."""
-    cut = sample(every, SCREENED_S)
+    cut = sparse(sample(every, SCREENED_S))
     count = max(2, round(len(cut.windows) * PROBED_S / SCREENED_S))
     few = np.unique(np.linspace(0, len(cut.windows) - 1, count).round().astype(int))
-    return Screen(every, cut, tuple(few.tolist()), each, budget)
+    begun = cells(cut) if all(one.relayed for one in every.series) else ()
+    return Screen(every, cut, tuple(few.tolist()), each, budget, begun)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.begin import simulated_states
-from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.judge import Judged, gain, refined
+from seod.diagnose.states import best_states, simulated_states
 
 if TYPE_CHECKING:
     from seod.diagnose.coordinates import Values
@@ -40,18 +40,20 @@ def _exchanged(found: Fitted, rich: str, plain: str, screen: Screen) -> Fitted:
         },
     }[plain]
     model = found.model.without(rich).with_effect(plain)
-    return _fitted(model, values | size, found.cut, screen)
+    return _fitted(model, values | size, found, screen)
 
 
-def _fitted(model: Model, values: Values, cut: Cut, screen: Screen) -> Fitted:
+def _fitted(model: Model, values: Values, found: Fitted, screen: Screen) -> Fitted:
     x = model.searched(values)
-    start = simulated_states(model, x, cut)
+    cut = found.cut
+    start = best_states(model, x, cut, simulated_states(model, x, cut), found.start)
+    start = settle(model, cut, x, start, cut.good)
     return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
 def without(found: Fitted, name: str, screen: Screen) -> Fitted:
     """A set without one of its effects, fitted anew to the same windows."""
-    return _fitted(found.model.without(name), found.model.values(found.x), found.cut, screen)
+    return _fitted(found.model.without(name), found.model.values(found.x), found, screen)
 
 
 def thinned(

@@ -35,6 +35,10 @@ SKIPPED_S: Final = 0.1
 """Of a recording's start: the commands before it, which delay and lag still show, are unknown."""
 MOVING: Final = 3.0
 """Deviation over the noise from which on a window shows a movement; the others tell nothing of the plant."""
+LEVELS: Final = 4
+"""Commands that a relay gives, at most: two, with another bias four."""
+ENOUGH: Final = 50
+"""Samples of a limit cycle by which it is tried what it may come from."""
 _LEAST_SAMPLES: Final = 200
 _FINEST: Final = 1 << 15
 
@@ -81,6 +85,17 @@ class Series:
     def tick(self) -> float:
         """Median interval [s]."""
         return float(np.median(np.diff(self.t)))
+
+    @property
+    def relayed(self) -> bool:
+        """Whether a relay gave the commands."""
+        return len(np.unique(self.u)) <= LEVELS
+
+    def sparser(self, stride: int) -> Series:
+        """Every so manieth sample, and the commands that change something."""
+        told = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
+        rows = {name: getattr(self, name)[::stride] for name in ("t", "y", "good", "supply", "warmth")}
+        return replace(self, **rows, t_u=self.t_u[told], u=self.u[told])
 
 
 def series(
@@ -303,3 +318,24 @@ def sample(whole: Cut, seconds: float) -> Cut:
     if count >= len(whole.windows):
         return whole
     return whole.only(np.unique(np.linspace(0, len(whole.windows) - 1, count).round().astype(int)).tolist())
+
+
+def sparse(whole: Cut) -> Cut:
+    """Of a relay's recordings, whose commands hold for long, no more samples than trials need.
+
+    Without their first windows: how a limit cycle grows tells much of a plant that is nearly right, and leads
+    astray from any other.
+    """
+    strides = [_stride(one) for one in whole.series]
+    every = [one.sparser(stride) for one, stride in zip(whole.series, strides, strict=True)]
+    windows = tuple((k, -(-a // strides[k]), -(-b // strides[k])) for k, a, b in whole.windows)
+    grown = tuple(
+        (k, a, b)
+        for n, (k, a, b) in enumerate(windows)
+        if not every[k].relayed or (n and windows[n - 1][0] == k)
+    )
+    return Cut(every, grown if len(grown) > 1 else windows)
+
+
+def _stride(one: Series) -> int:
+    return max(1, int(one.period_s / (ENOUGH * one.tick))) if one.relayed else 1

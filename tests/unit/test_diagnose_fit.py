@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
-from seod.diagnose.begin import baseline, scales, simulated_states
+from seod.diagnose.begin import baseline, scales
 from seod.diagnose.coordinates import Coordinate, Scales, group, searched_causes
 from seod.diagnose.fit import fit, settle
 from seod.diagnose.intervals import base_sd, covariance, effect_parameters
 from seod.diagnose.model import baseline_model, grouped
 from seod.diagnose.score import held_out, nrmse, wholes
+from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series
 from sim.effects import EFFECTS
 
@@ -127,7 +128,7 @@ def test_nrmse_takes_the_mean_of_each_window_away():
 
 
 def test_sizes_are_those_of_the_movement(clean):
-    near, found, whole, _ = baseline(clean[0], False, {})
+    near, found, whole = baseline(clean[0], False, {})
     sizes = scales(near, clean[0])
     speed = linear(multisine(8000), speed=True)
     assert sizes.speed == pytest.approx(np.std(speed), rel=0.1)

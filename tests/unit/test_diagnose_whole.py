@@ -14,10 +14,10 @@ from plant_truth import PLACE, Plant
 from seod.config.load import load_rig
 from seod.data import Recording
 from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.begin import baseline, scales
+from seod.diagnose.begin import baseline, scales, unchanged
 from seod.diagnose.budget import Budget
 from seod.diagnose.fit import fit
-from seod.diagnose.judge import Judged, refined
+from seod.diagnose.judge import Judged
 from seod.diagnose.rated import rated
 from seod.diagnose.screen import screen
 from seod.diagnose.simulate import inside, simulate
@@ -71,7 +71,7 @@ def searched(strokes):
     screened = screen(small, map, Budget(time.process_time, 1e6))
     begun = baseline(screened.cut, False, {})
     sized = replace(begun.best.model, scales=scales(begun.near, screened.cut))
-    return refined(replace(begun.best, model=sized), undivided(small), screened), screened
+    return unchanged(sized, begun.best.x, undivided(small)), screened
 
 
 def test_whole_recordings_count_the_same_rows(strokes):

@@ -1,0 +1,159 @@
+"""Plants with dry friction, or with play, that a relay's recording may come from, by a grid.
+
+Under a relay Eq. 1 alone fits a limit cycle to some percent with a plant far from the right one, from which
+no descent leads there. How a plant sticks, or what it loses in a play, depends, but for its size, on three
+numbers only: omega_n, zeta, and a share: friction over the pressure at which the load would stall, play over
+the swing. A delay moves the answer in time. So each cell costs one simulation from rest, whatever the gain
+and the delay.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.model import tolerance
+from seod.diagnose.simulate import STATES, simulate
+from seod.diagnose.windows import Cut
+from sim.parameters import parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from seod.diagnose.answer import Array
+    from seod.diagnose.coordinates import Values
+    from seod.diagnose.windows import Series
+
+BEFORE: Final = 12.0
+PIECES: Final = 3
+LONG: Final = 5.0
+"""Limit cycles from rest until a plant is compared, pieces in which it is, and limit cycles in each."""
+QUICKER: Final = tuple(np.geomspace(0.8, 5.0, 14).tolist())
+"""omega_n over the limit cycle's frequency."""
+DAMPINGS: Final = (0.05, 0.15, 0.3, 0.6, 1.2, 4.0)
+SHARES: Final = {
+    "coulomb_friction": (0.2, 0.4, 0.6, 0.75, 0.85, 0.93),
+    "stribeck_friction": (0.2, 0.4, 0.6, 0.75, 0.85, 0.93),
+    "backlash": (0.1, 0.25, 0.4, 0.55, 0.7, 0.82),
+}
+LATE: Final = (0.025, 0.05, 0.075, 0.1, 0.15)
+"""Delays, in periods of the limit cycle."""
+KEPT: Final = 4
+KEPT_LATE: Final = 2
+"""Cells that are kept, of different damping: without a delay, and with one."""
+FALLEN: Final = 0.45
+"""Speed at which friction has fallen, over the limit cycle's largest without it."""
+DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
+"""Effects that may stand for its delay."""
+
+
+class Cell(NamedTuple):
+    """A plant: what it leaves of the recording, its parameters, its effect's, and a delay."""
+
+    cost: float
+    K_L: float
+    omega_n: float
+    zeta: float
+    delay: float
+    cause: str
+    sizes: dict[str, float]
+
+    def begins(self, names: Iterable[str]) -> bool:
+        """Whether a set of these effects may begin here."""
+        late = not DELAYS.isdisjoint(names)
+        return {*names} & {*SHARES} == {self.cause} and late == (self.delay > 0.0)
+
+    def values(self) -> Values:
+        """As a start, with the times of all that may stand for the delay."""
+        own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
+        own |= {f"{self.cause}.{of}": size for of, size in self.sizes.items()}
+        return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
+
+
+def cells(cut: Cut) -> tuple[Cell, ...]:
+    """Of a relay's recording: the best plants of each cause without a delay, and the best with one."""
+    grid, found = _Grid(cut), []
+    for cause, shares in SHARES.items():
+        points = product([cause], QUICKER, DAMPINGS, shares)
+        own = [cell for at in points for cell in grid.cells(at)]
+        found += _best(cell for cell in own if cell.delay == 0.0)[:KEPT]
+        found += _best(cell for cell in own if cell.delay > 0.0)[:KEPT_LATE]
+    return tuple(found)
+
+
+def _best(some: Iterable[Cell]) -> list[Cell]:
+    best: dict[float, Cell] = {}
+    for cell in sorted(some, key=lambda one: one.cost):
+        best.setdefault(cell.zeta, cell)
+    return list(best.values())
+
+
+class _Grid:
+    """A stretch of a recording, and what is compared of it: movements about a line in pieces of its end."""
+
+    def __init__(self, cut: Cut) -> None:
+        k, first, last = cut.windows[0]
+        self.one: Series = cut.series[k]
+        cycle = self.one.period_s / self.one.tick
+        begin = max(0, first - round(BEFORE * cycle))
+        end = min(last, first + round(PIECES * LONG * cycle))
+        edges = np.linspace(first - begin, end - begin, PIECES + 1).astype(int).tolist()
+        self.pieces = [slice(a, b) for a, b in pairwise(edges)]
+        self.cut = Cut([self.one], ((0, begin, end),))
+        self.t, self.good = self.one.t[begin:end], self.one.good[begin:end]
+        self.omega = 2.0 * math.pi / self.one.period_s
+        self.volts = float(np.max(np.abs(self.one.u)))
+        self.lines = [self._line(rows) for rows in self.pieces]
+        self.seen = [self._about(self.one.y[begin:end], w) for w in range(PIECES)]
+
+    def cells(self, at: tuple[str, float, float, float]) -> list[Cell]:
+        """A plant of K_L 1, without and with each delay, brought to the recording's size."""
+        cause, omega_n, zeta = at[0], at[1] * self.omega, at[2]
+        sizes = self._sizes(cause, omega_n, zeta, at[3])
+        record = parameters(
+            1.0,
+            omega_n,
+            zeta,
+            {cause: sizes},
+            accuracy=tolerance(omega_n, zeta, self.one.tick),
+            measures_speed=float(self.one.sees_speed),
+        )
+        answer = simulate(record, self.cut, np.zeros((1, STATES)))
+        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, cause, sizes)
+        return [self._compared(answer, plain, late * 2.0 * math.pi / self.omega) for late in (0.0, *LATE)]
+
+    def _sizes(self, cause: str, omega_n: float, zeta: float, share: float) -> dict[str, float]:
+        """Share of the pressure of the stalled load, or of the limit cycle's swing without play."""
+        omega, square = self.omega, omega_n * omega_n
+        gain = square / omega / math.hypot(square - omega * omega, 2.0 * zeta * omega_n * omega)
+        half = 4.0 / math.pi * self.volts * gain
+        stall = omega_n * self.volts / (2.0 * zeta)
+        return {
+            "backlash": {"gap": share * 2.0 * half},
+            "coulomb_friction": {"level": share * stall},
+            "stribeck_friction": {"level": share * stall, "speed": FALLEN * omega * half},
+        }[cause]
+
+    def _compared(self, answer: Array, plain: Cell, delay: float) -> Cell:
+        moved = np.interp(self.t - delay, self.t, answer)
+        pairs = [(self.seen[w], self._about(moved, w)) for w in range(PIECES)]
+        K_L = sum(float(a @ b) for a, b in pairs) / max(sum(float(b @ b) for _, b in pairs), 1e-300)
+        left = [float(np.mean((a - K_L * b) ** 2)) for a, b in pairs]
+        cost = float(np.mean(np.log(np.maximum(left, 1e-300))))
+        cost = cost if math.isfinite(cost) and K_L != 0.0 else math.inf
+        sizes = {of: abs(K_L) * size for of, size in plain.sizes.items()}
+        return plain._replace(cost=cost, K_L=K_L, delay=delay, sizes=sizes)
+
+    def _line(self, rows: slice) -> Array:
+        """Orthonormal columns of what an initial state may add: a place, and of a position a slope."""
+        t, good = self.t[rows], self.good[rows]
+        columns = np.stack([np.ones(len(t)), t - t.mean()], axis=1)[good]
+        return np.asarray(np.linalg.qr(columns[:, : 1 if self.one.sees_speed else 2])[0])
+
+    def _about(self, y: Array, w: int) -> Array:
+        rows = self.pieces[w]
+        own = y[rows][self.good[rows]]
+        return np.asarray(own - self.lines[w] @ (self.lines[w].T @ own))

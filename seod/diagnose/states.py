@@ -1,0 +1,136 @@
+"""Initial states of windows: as samples show them, from a simulation, or carried on from other windows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.fit import Search
+from seod.diagnose.simulate import LOOSE, STATES, inside
+from seod.diagnose.windows import Cut
+
+ALIKE: Final = 4.0
+"""Squared error of a window, over the least of all, up to which another window may take its states."""
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from seod.diagnose.answer import Array
+    from seod.diagnose.fit import Fitted
+    from seod.diagnose.model import Model
+    from seod.diagnose.windows import Series
+
+
+def measured_places(cut: Cut) -> Array:
+    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 7)."""
+    start = np.zeros((len(cut.windows), STATES))
+    for w, (k, first, last) in enumerate(cut.windows):
+        one = cut.series[k]
+        rows = first + np.flatnonzero(one.good[first:last])[:1]
+        start[w, 2] = travelled(one)[first] if one.sees_speed else one.y[rows[0]]
+    return start
+
+
+def travelled(one: Series) -> Array:
+    """Positions by the integral of a speed, from 0, shape (n,)."""
+    y = np.interp(one.t, one.t[one.good], one.y[one.good])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
+
+
+def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
+    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 7)."""
+    start = measured_places(cut)
+    record = model.record(x)
+    for k in {of for of, _, _ in cut.windows}:
+        whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
+        seen, states = inside(record, whole, measured_places(whole))
+        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+        for w, (of, first, _) in enumerate(cut.windows):
+            if of == k:
+                start[w, :2] = states[first, :2]
+                start[w, LOOSE] = loose[first]
+                start[w, 2] += states[first, 2] - seen[first] if loose.any() else 0.0
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def carried_states(found: Fitted, cut: Cut) -> Array:
+    """Initial states of other windows by going on from the fitted ones before them, shape (w, 7).
+
+    A sensor's ripple may have several places for one reading: where the load is, its past tells.
+    """
+    model, record = found.model, found.model.record(found.x)
+    start, begins = measured_places(cut), _begins(found, cut.series)
+    for (k, row), state in begins.items():
+        end = min((b for of, b in begins if of == k and b > row), default=len(cut.series[k].t) - 1)
+        asked = [
+            w for w, (of, first, _) in enumerate(cut.windows) if of == k and row <= first < max(end, row + 1)
+        ]
+        if not asked:
+            continue
+        on = Cut(cut.series, ((k, row, end + 1),))
+        seen, states = inside(record, on, state[None])
+        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+        for w in asked:
+            at = cut.windows[w][1] - row
+            start[w] = state if at == 0 else [*states[at, :3], 0.0, 0.0, 0.0, loose[at]]
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def alike_states(found: Fitted, cut: Cut) -> Array:
+    """Under a relay: initial states from fitted windows where it had switched as long before, shape (w, 7).
+
+    Of a limit cycle they are nearly right, also where the windows before are not.
+    """
+    model, record = found.model, found.model.record(found.x)
+    start = measured_places(cut)
+    good = found.error <= ALIKE * np.min(found.error)
+    seen, states = inside(record, found.cut, found.start)
+    loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+    for w, (k, first, _) in enumerate(cut.windows):
+        volts, since = _phases(cut.series[k], np.array([cut.series[k].t[first]]))
+        least = np.inf
+        for n, (of, a, b) in enumerate(found.cut.windows):
+            if of != k or not good[n]:
+                continue
+            u, ago = _phases(found.cut.series[k], found.cut.series[k].t[a:b])
+            apart = np.where(u == volts, np.abs(ago - since), np.inf)
+            at = int(np.argmin(apart))
+            if apart[at] < least:
+                least, row = apart[at], found.cut.slices[n].start + at
+                place = (
+                    start[w, 2] if model.sees_speed else cut.series[k].y[first] + states[row, 2] - seen[row]
+                )
+                start[w] = [states[row, 0], states[row, 1], place, 0.0, 0.0, 0.0, loose[row]]
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _phases(one: Series, t: Array) -> tuple[Array, Array]:
+    """Commands at these times, and for how long they have been given."""
+    told = np.flatnonzero(np.diff(one.u, prepend=np.nan) != 0.0)
+    last = told[np.maximum(np.searchsorted(one.t_u[told], t, "right") - 1, 0)]
+    return one.u[last], t - one.t_u[last]
+
+
+def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
+    """Fitted states by recording and row, the rows counted as in these series."""
+    return {
+        (k, int(np.searchsorted(series[k].t, found.cut.series[k].t[first]))): state
+        for (k, first, _), state in zip(found.cut.windows, found.start, strict=True)
+    }
+
+
+def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
+    """Of each window those of some initial states that leave least, shape (w, 7)."""
+    search = Search(model, cut, map, np.zeros(len(x), np.bool_))
+    errors = np.array([search.tried(x, start)[1] for start in some])
+    return np.asarray(np.stack(some)[np.argmin(errors, axis=0), np.arange(len(cut.windows))])
+
+
+def _loose(record: NDArray[np.void], seen: Array, states: Array) -> Array:
+    """How far the load is from the flank of its play that it runs against, by the position that is seen."""
+    gap = float(record["backlash_gap"][0])
+    flank = 0.5 * gap - np.copysign(1.0, states[:, 1]) * (states[:, 2] - seen)
+    return np.asarray(np.clip(np.nan_to_num(flank), 0.0, gap))
