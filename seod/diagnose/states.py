@@ -65,9 +65,8 @@ def carried_states(found: Fitted, cut: Cut) -> Array:
     start, begins = measured_places(cut), _begins(found, cut.series)
     for (k, row), state in begins.items():
         end = min((b for of, b in begins if of == k and b > row), default=len(cut.series[k].t) - 1)
-        asked = [
-            w for w, (of, first, _) in enumerate(cut.windows) if of == k and row <= first < max(end, row + 1)
-        ]
+        rows = range(row, max(end, row + 1))
+        asked = [w for w, (of, first, _) in enumerate(cut.windows) if of == k and first in rows]
         if not asked:
             continue
         on = Cut(cut.series, ((k, row, end + 1),))
@@ -84,26 +83,20 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
 
     Of a limit cycle they are nearly right, also where the windows before are not.
     """
-    model, record = found.model, found.model.record(found.x)
-    start = measured_places(cut)
-    good = found.error <= ALIKE * np.min(found.error)
-    seen, states = inside(record, found.cut, found.start)
+    model, fitted = found.model, found.cut
+    record, start = model.record(found.x), measured_places(cut)
+    seen, states = inside(record, fitted, found.start)
     loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+    good = np.repeat(found.error <= ALIKE * np.min(found.error), fitted.sizes)
+    phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
+    volts, ago = (np.concatenate(each) for each in zip(*phases, strict=True))
     for w, (k, first, _) in enumerate(cut.windows):
-        volts, since = _phases(cut.series[k], np.array([cut.series[k].t[first]]))
-        least = np.inf
-        for n, (of, a, b) in enumerate(found.cut.windows):
-            if of != k or not good[n]:
-                continue
-            u, ago = _phases(found.cut.series[k], found.cut.series[k].t[a:b])
-            apart = np.where(u == volts, np.abs(ago - since), np.inf)
-            at = int(np.argmin(apart))
-            if apart[at] < least:
-                least, row = apart[at], found.cut.slices[n].start + at
-                place = (
-                    start[w, 2] if model.sees_speed else cut.series[k].y[first] + states[row, 2] - seen[row]
-                )
-                start[w] = [states[row, 0], states[row, 1], place, 0.0, 0.0, 0.0, loose[row]]
+        now, since = _phases(cut.series[k], cut.series[k].t[first : first + 1])
+        apart = np.where(good & (volts == now), np.abs(ago - since), np.inf)
+        row = int(np.argmin(apart))
+        start[w, :2], start[w, LOOSE] = states[row, :2], loose[row]
+        if not model.sees_speed:
+            start[w, 2] = cut.series[k].y[first] + states[row, 2] - seen[row]
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
