@@ -51,10 +51,10 @@ def recorded(config: Path, folder: Path, axis: str, effects: dict[str, dict[str,
 
 
 def limit_cycle(data: Recording) -> tuple[float, float]:
-    """Period [s], and amplitude over its square [rad/s^2], of the cycles but the first two, the less disturbed.
+    """Period [s], and amplitude over its square [rad/s^2], of the less disturbed cycles but the first two.
 
-    A half cycle is a whole number of the loop's ticks of 10 ms, and a message some 4 ms later makes it one more:
-    the same plant, simulated, then swings 6 % slower and 10 % wider. Its acceleration stays within 3 %.
+    A half cycle is a whole number of the loop's ticks of 10 ms, and a message some 4 ms later makes it one
+    more: the same plant, simulated, then swings 6 % slower and 10 % wider. Its acceleration stays within 3 %.
     """
     up = np.flatnonzero((data.u[1:] > 0.0) & (data.u[:-1] <= 0.0))[2:]
     assert len(up) > 3
