@@ -37,7 +37,7 @@ def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
     model, x = found.model, found.x
     start = best_states(model, x, cut, simulated_states(model, x, cut), *_known(found, cut))
-    start = settle(model, cut, x, start, cut.good)
+    start = settle(model, cut, x, start, cut.good, most=2)
     return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
 
 

@@ -47,7 +47,7 @@ def _fitted(model: Model, values: Values, found: Fitted, screen: Screen) -> Fitt
     x = model.searched(values)
     cut = found.cut
     start = best_states(model, x, cut, simulated_states(model, x, cut), found.start)
-    start = settle(model, cut, x, start, cut.good)
+    start = settle(model, cut, x, start, cut.good, most=2)
     return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
