@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
-from seod.diagnose.begin import scales
 from seod.diagnose.coarse import beyond, noise_beneath, readings
 from seod.diagnose.contact import Softness, contacts, smooth
 from seod.diagnose.coordinates import STIFFEST, Scales, further_causes
 from seod.diagnose.fit import fit, settle, weighted
 from seod.diagnose.intervals import covariance, effect_parameters
-from seod.diagnose.model import baseline_model
 from seod.diagnose.score import held_out
 from seod.diagnose.simulate import inside, simulate
 from seod.diagnose.states import simulated_states
@@ -62,14 +60,7 @@ def recorded(kind, *, speed=False, noise=NOISE, step=0.0):
 def model_of(one, *names, speed=False):
     """A model with these effects, in sizes of the recording."""
     rough = Scales(0.8, 10.0, 600.0, 0.0, 1.0, 0.5, 60.0, 4.0, 1.0 / RATE)
-    plain = baseline_model(rough, 1.0, speed, {})
-    windows, _ = cut([one])
-    x = plain.searched(TRUTH)
-    begun = fit(plain, windows, x, simulated_states(plain, x, windows), free=np.zeros(3, np.bool_))
-    model = replace(plain, scales=scales(begun, windows))
-    for name in names:
-        model = model.with_effect(name)
-    return model
+    return sized_model(one, rough, TRUTH, names, speed=speed)
 
 
 @pytest.mark.parametrize("part", [0.05, 0.3, 0.6, 0.9])

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
-from seod.diagnose.begin import scales
 from seod.diagnose.budget import Budget
 from seod.diagnose.cells import Cell, cells
 from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_causes
 from seod.diagnose.fit import Fitted, fit, settle
-from seod.diagnose.model import baseline_model
 from seod.diagnose.screen import screen
 from seod.diagnose.select import excess
 from seod.diagnose.simulate import simulate
@@ -53,14 +52,7 @@ def recorded(kind):
 def model_of(one, *names):
     """A model with these effects, in sizes of the recording."""
     rough = Scales(VOLTS, 10.0, 600.0, 0.0, 1.0, 0.5, 100.0, 8.0, TICK)
-    plain = baseline_model(rough, 1.0, False, {})
-    windows, _ = cut([one])
-    x = plain.searched(TRUTH)
-    begun = fit(plain, windows, x, simulated_states(plain, x, windows), free=np.zeros(3, np.bool_))
-    model = replace(plain, scales=scales(begun, windows))
-    for name in names:
-        model = model.with_effect(name)
-    return model
+    return sized_model(one, rough, TRUTH, names)
 
 
 def searched(model, effects, **base):
