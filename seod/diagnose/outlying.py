@@ -22,6 +22,8 @@ LIKENESS: Final = 0.9
 """Part of five neighbouring differences' squares that the pattern tells; a corner of the signal has less."""
 MOST: Final = 0.1
 """Part of the samples; where more seem to be, it is the signal."""
+CORNER: Final = 1.5
+"""Turn of the signal's slope across a sample, over its error: one that is off makes none, a corner three."""
 FEWEST: Final = 3
 _IMPOSSIBLE: Final = 1e-300
 
@@ -39,7 +41,8 @@ class Outliers:
 def outliers(found: Stencils, noise: Array) -> Outliers:
     """Of a recording's stencils; `noise` is the deviation of the sample in the middle of each, shape (m,)."""
     error = found.difference / PATTERN[2]
-    far = found.usable & (np.abs(error) > FAR * noise) & _alone(found, noise) & ~_jumps(found, error, noise)
+    far = found.usable & (np.abs(error) > FAR * noise) & _alone(found, noise)
+    far &= ~(_jumps(found, error, noise) | _corners(found, error))
     rows, sizes = found.middle[far], np.abs(error[far])
     if not FEWEST <= len(rows) <= MOST * len(error):
         return Outliers(rows if len(rows) < FEWEST else rows[:0])
@@ -47,12 +50,14 @@ def outliers(found: Stencils, noise: Array) -> Outliers:
     size, sd = _size(sizes, threshold)
     seen = 2.0 * float(ndtr(-threshold / size))
     rate = len(rows) / count / seen
+    if rate > MOST:
+        return Outliers(rows[:0])
     width = 1.96 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
     ends = {
         "rate": (max(0.0, rate - width), min(1.0, rate + width)),
         "size": (max(0.0, size - 1.96 * sd), size + 1.96 * sd),
     }
-    return Outliers(rows, {"rate": min(rate, 1.0), "size": size}, ends, _IMPOSSIBLE)
+    return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
 
 def _jumps(found: Stencils, error: Array, noise: Array) -> Mask:
@@ -60,6 +65,15 @@ def _jumps(found: Stencils, error: Array, noise: Array) -> Mask:
     before, behind = found.samples[:, 1] - found.samples[:, 0], found.samples[:, 4] - found.samples[:, 3]
     across = found.samples[:, 3] - found.samples[:, 1] - before - behind
     return np.asarray(np.abs(across) > np.maximum(0.6 * np.abs(error), 10.0 * noise))
+
+
+def _corners(found: Stencils, error: Array) -> Mask:
+    """Whether the signal goes on at another slope: a corner in the middle is seen as a third of its turn."""
+    before, behind = (
+        (found.samples[:, k + 1] - found.samples[:, k]) / (found.ticks[:, k + 1] - found.ticks[:, k])
+        for k in (0, 3)
+    )
+    return np.asarray((behind - before) * np.sign(-error) > CORNER * np.abs(error))
 
 
 def _alone(found: Stencils, noise: Array) -> Mask:

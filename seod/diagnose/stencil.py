@@ -32,6 +32,7 @@ class Stencils:
         difference: Fourth difference, shape (m,).
         weights: Of the five samples in it, shape (m, 5).
         samples: The five, shape (m, 5).
+        ticks: Their times, over the median interval, shape (m, 5).
         middle: Index of the middle sample, shape (m,).
         usable: No gap within, shape (m,).
     """
@@ -39,6 +40,7 @@ class Stencils:
     difference: Array
     weights: Array
     samples: Array
+    ticks: Array
     middle: np.ndarray[tuple[int], np.dtype[np.int64]]
     usable: Mask
 
@@ -53,12 +55,12 @@ class Stencils:
 def stencils(t: Array, y: Array, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Stencils:
     """Of the samples `y` at the times `t` [s], both shape (n,), at the `rows` that count."""
     t, y = t[rows], y[rows]
-    times = np.lib.stride_tricks.sliding_window_view(t, 5)
-    tick = float(np.median(np.diff(t)))
-    weights = _weights(times / tick)
+    ticks = np.lib.stride_tricks.sliding_window_view(t / float(np.median(np.diff(t))), 5)
+    weights = _weights(ticks)
     samples = np.lib.stride_tricks.sliding_window_view(y, 5)
     difference = np.sum(weights * samples, axis=1)
-    return Stencils(difference, weights, samples, rows[2:-2], times[:, -1] - times[:, 0] < _TOO_WIDE * tick)
+    usable = ticks[:, -1] - ticks[:, 0] < _TOO_WIDE
+    return Stencils(difference, weights, samples, ticks, rows[2:-2], usable)
 
 
 def _weights(times: Array) -> Array:

@@ -69,6 +69,13 @@ def test_corners_and_jumps_of_the_signal_are_no_outliers():
     assert found.found == ()
 
 
+def test_the_sharp_corners_of_a_speed_that_friction_turns_are_no_outliers():
+    turns = 24.0 * NOISE * np.cumsum(np.cumsum(np.abs(np.diff(np.floor(T * 17.3), prepend=0.0))))
+    found = examine(recording(noisy() + turns - np.polyval(np.polyfit(T, turns, 2), T)))
+    assert not found.bad.any()
+    assert found.found == ()
+
+
 @pytest.mark.parametrize("rows_are_there", [True, False], ids=["empty readings", "no rows"])
 def test_missing_samples_are_counted(rows_are_there):
     gone = missing_samples(len(T), 0.03, 4.0, np.random.default_rng(2))
