@@ -15,9 +15,10 @@ import numpy as np
 
 from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, Search, fit, weighted
+from seod.diagnose.judge import refined
 from seod.diagnose.screen import begun_from
 from seod.diagnose.screen import remote as far
-from seod.diagnose.select import MOST
+from seod.diagnose.select import AS_WELL, MOST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,11 +56,22 @@ def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
         parent = grown[-1]
         more = further_causes(parent.model.scales, parent.model.names)
         best = promising(parent, more, screen)[:TRIED] + remote(parent, more)
-        least = min(_fitted(best, parent, screen, over), key=lambda one: one.cost, default=parent)
-        if least.cost > parent.cost - SAVES:
+        fitted = sorted(_fitted(best, parent, screen, over), key=lambda one: one.cost)
+        saving = (one for one in fitted if one.cost < parent.cost - SAVES)
+        found = next((one for one in saving if shown(parent, one, screen)), None)
+        if found is None:
             break
-        grown.append(least)
+        grown.append(found)
     return grown
+
+
+def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
+    """Whether windows gain by what one effect more saves of whole recordings.
+
+    There a single event shifts all that comes after it, where the plant integrates: whatever happens to make
+    up for that event saves much. Windows show an effect wherever it is.
+    """
+    return refined(more, screen.every, screen).cost < refined(fewer, screen.every, screen).cost - AS_WELL
 
 
 def _fitted(

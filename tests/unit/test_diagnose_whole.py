@@ -90,6 +90,23 @@ def test_friction_grows_on_a_whole_recording(searched):
     assert all(after.cost < before.cost for before, after in pairwise(grown))
 
 
+def test_a_load_that_slips_once_shows_no_effect_in_the_windows():
+    u = 0.5 * np.sign(np.sin(2.0 * np.pi * 1.1 * T + np.sin(T)))
+    truth, y = Plant(17.0, 60.0, 0.3, {}), np.empty(len(T))
+    for k in range(len(T)):
+        truth.advance(T[k])
+        truth.command(u[k])
+        y[k] = truth.w[PLACE]
+    noise = 0.01 * np.std(y)
+    y += np.where(T > 9.0, 4.0 * noise, 0.0) + np.random.default_rng(4).normal(0.0, noise, len(T))
+    small = pieces(cut([series(recorded(T, u, y))])[0])
+    screened = screen(small, map, Budget(time.process_time, 1e6))
+    begun = baseline(screened.cut, False, {})
+    sized = replace(begun.best.model, scales=scales(begun.near, screened.cut))
+    parent = unchanged(sized, begun.best.x, undivided(small))
+    assert widened(parent, screened, lambda: False) == [parent]
+
+
 def test_without_time_nothing_grows(searched):
     begun, screened = searched
     assert widened(begun, screened, lambda: True) == [begun]
