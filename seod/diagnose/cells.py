@@ -49,6 +49,9 @@ FALLEN: Final = 0.45
 DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
 
+BEGUN: Final = DELAYS.union(SHARES, {"lugre_friction"})
+"""Effects that may be tried from a cell; bristles give way so little that plain friction's cells are theirs."""
+
 
 class Cell(NamedTuple):
     """A plant: what it leaves of the recording, its parameters, its effect's, and a delay."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.cells import DELAYS, SHARES, cells
+from seod.diagnose.cells import BEGUN, SHARES, cells
 from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, fit, settle
@@ -129,7 +129,7 @@ class Screen:
         """Plants of the grid for sets that they are starts of."""
         model, begun = parent.model, []
         for name in further_causes(model.scales, model.names):
-            if name not in but and name in {*SHARES, *DELAYS}:
+            if name not in but and name in BEGUN:
                 own, sign = group(name, model.scales).starts[0], model.coordinates[0].scale
                 some = [
                     one for one in self.cells if one.K_L * sign > 0.0 and one.begins({*model.names, name})
