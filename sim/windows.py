@@ -22,7 +22,10 @@ MEMORY = 40.0
 START = ("pressure", "velocity", "position", "velocity2", "position2", "lagged", "loose")
 """Columns of a window's initial state: as in `sim.state`, but the second inertia's relative to the first, and
 what is behind the sensor's lag relative to where it would be had the speed been steady; the last is how far
-the load is from the flank of its play that it runs against [unit]."""
+the load is from the flank of its play that it runs against, or its bristles from bending as far as they do in
+motion [unit]."""
+INSIDE = ("pressure", "velocity", "position", "followed", "loose")
+"""Columns of what is inside: the load's state, its position behind the play, the last as in `START`."""
 
 
 @compiled
@@ -56,7 +59,7 @@ def follow_windows(
         last: Row after its last, at most the next window's first.
         start: Initial states, `START`, shape (w, 7).
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
-        inside: Pressure, velocity, position, and position behind the play likewise, shape (n, 4) or (0, 4).
+        inside: `INSIDE`, filled likewise, shape (n, 5) or (0, 5).
     """
     reached = 0
     for w in range(len(first)):
@@ -70,6 +73,7 @@ def follow_windows(
             if len(inside):
                 inside[k, 0], inside[k, 1] = s.pressure, s.velocity
                 inside[k, 2], inside[k, 3] = s.position, s.followed
+                inside[k, 4] = _loose(p, s)
 
 
 @compiled
@@ -111,7 +115,8 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
         s.motion = 0.0
     s.stopped = s.bristle = 0.0
     if p.lugre_friction_stiffness > 0.0 and s.velocity != 0.0:
-        s.bristle = s.motion * friction_level(p, s.velocity) / p.lugre_friction_stiffness
+        bent = friction_level(p, s.velocity) / p.lugre_friction_stiffness
+        s.bristle = s.motion * (bent - min(max(start[6], 0.0), 2.0 * bent))
     loose = min(max(start[6], 0.0), p.backlash_gap)
     s.followed = s.position - math.copysign(1.0, s.velocity) * (0.5 * p.backlash_gap - loose)
     steady = s.velocity - p.sensor_lag_time * s.pressure
@@ -129,3 +134,12 @@ def _load(p: Record, s: Record, t_u: Array, u: Array, given: int, t: float) -> i
         given += 1
     advance(p, s, t)
     return given
+
+
+@compiled
+def _loose(p: Record, s: Record) -> float:
+    """How far the load is from the flank that it runs against, or its bristles from their bend in motion."""
+    way = math.copysign(1.0, s.velocity)
+    if p.lugre_friction_stiffness > 0.0:
+        return friction_level(p, s.velocity) / p.lugre_friction_stiffness - way * s.bristle
+    return 0.5 * p.backlash_gap - way * (s.position - s.followed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.experiment import plant_record
 from sim.state import new_state
-from sim.windows import START, follow_windows
+from sim.windows import INSIDE, START, follow_windows
 
 if TYPE_CHECKING:
     from seod.beside.window import Array, Stretch
@@ -109,7 +109,7 @@ class KernelModel:
         n, volts = len(stretch.t), stretch.u * self._per_volt + self._zero
         y, window = np.empty(n), (np.zeros(1, np.int64), np.full(1, n, np.int64), start[None, :])
         given = stretch.t_u, volts, stretch.t, stretch.supply, _NOTHING
-        follow_windows(self._record[0], valve[0], load[0], *given, *window, y, np.empty((0, 4)))
+        follow_windows(self._record[0], valve[0], load[0], *given, *window, y, np.empty((0, len(INSIDE))))
         return y
 
 

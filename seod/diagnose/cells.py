@@ -49,18 +49,24 @@ FALLEN: Final = 0.45
 DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
 
+GIVE: Final = 0.04
+"""What bristles give way by, over half the swing."""
 BEGUN: Final = DELAYS.union(SHARES, {"lugre_friction"})
-"""Effects that may be tried from a cell; bristles give way so little that plain friction's cells are theirs."""
+"""Effects that may be tried from a cell; bristles give way so little that they begin as plain friction."""
 
 
 class Cell(NamedTuple):
-    """A plant: what it leaves of the recording, its parameters, its effect's, and a delay."""
+    """A plant: what it leaves of the recording, its parameters, its effect's, and a delay.
+
+    `half` is half of its swing without the effect.
+    """
 
     cost: float
     K_L: float
     omega_n: float
     zeta: float
     delay: float
+    half: float
     cause: str
     sizes: dict[str, float]
 
@@ -73,6 +79,9 @@ class Cell(NamedTuple):
         """As a start, with the times of all that may stand for the delay."""
         own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
         own |= {f"{self.cause}.{of}": size for of, size in self.sizes.items()}
+        if self.cause == "coulomb_friction":
+            stiff = self.sizes["level"] / (GIVE * self.half)
+            own |= {"lugre_friction.stiffness": stiff, "lugre_friction.damping": 0.5 * math.sqrt(stiff)}
         return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
 
 
@@ -115,7 +124,8 @@ class _Grid:
     def cells(self, at: tuple[str, float, float, float]) -> list[Cell]:
         """A plant of K_L 1, without and with each delay, brought to the recording's size."""
         cause, omega_n, zeta = at[0], at[1] * self.omega, at[2]
-        sizes = self._sizes(cause, omega_n, zeta, at[3])
+        half = self._half(omega_n, zeta)
+        sizes = self._sizes(at, half)
         record = parameters(
             1.0,
             omega_n,
@@ -125,19 +135,23 @@ class _Grid:
             measures_speed=float(self.one.sees_speed),
         )
         answer = simulate(record, self.cut, np.zeros((1, STATES)))
-        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, cause, sizes)
+        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, cause, sizes)
         return [self._compared(answer, plain, late * 2.0 * math.pi / self.omega) for late in (0.0, *LATE)]
 
-    def _sizes(self, cause: str, omega_n: float, zeta: float, share: float) -> dict[str, float]:
-        """Share of the pressure of the stalled load, or of the limit cycle's swing without play."""
+    def _half(self, omega_n: float, zeta: float) -> float:
+        """Half of the limit cycle's swing without friction or play."""
         omega, square = self.omega, omega_n * omega_n
         gain = square / omega / math.hypot(square - omega * omega, 2.0 * zeta * omega_n * omega)
-        half = 4.0 / math.pi * self.volts * gain
-        stall = omega_n * self.volts / (2.0 * zeta)
+        return 4.0 / math.pi * self.volts * gain
+
+    def _sizes(self, at: tuple[str, float, float, float], half: float) -> dict[str, float]:
+        """Share of the pressure of the stalled load, or of the swing without play."""
+        cause, quicker, zeta, share = at
+        stall = quicker * self.omega * self.volts / (2.0 * zeta)
         return {
             "backlash": {"gap": share * 2.0 * half},
             "coulomb_friction": {"level": share * stall},
-            "stribeck_friction": {"level": share * stall, "speed": FALLEN * omega * half},
+            "stribeck_friction": {"level": share * stall, "speed": FALLEN * self.omega * half},
         }[cause]
 
     def _compared(self, answer: Array, plain: Cell, delay: float) -> Cell:
@@ -147,8 +161,9 @@ class _Grid:
         left = [float(np.mean((a - K_L * b) ** 2)) for a, b in pairs]
         cost = float(np.mean(np.log(np.maximum(left, 1e-300))))
         cost = cost if math.isfinite(cost) and K_L != 0.0 else math.inf
-        sizes = {of: abs(K_L) * size for of, size in plain.sizes.items()}
-        return plain._replace(cost=cost, K_L=K_L, delay=delay, sizes=sizes)
+        size = abs(K_L)
+        sizes = {of: size * value for of, value in plain.sizes.items()}
+        return plain._replace(cost=cost, K_L=K_L, delay=delay, half=size * plain.half, sizes=sizes)
 
     def _line(self, rows: slice) -> Array:
         """Orthonormal columns of what an initial state may add: a place, and of a position a slope."""

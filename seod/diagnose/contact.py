@@ -63,7 +63,7 @@ def jumps(record: NDArray[np.void]) -> bool:
 
 
 def contacts(cut: Cut, seen: Array, states: Array) -> Contacts:
-    """Of simulated readings, shape (n,), with what is inside, shape (n, 4)."""
+    """Of simulated readings, shape (n,), with what is inside, shape (n, 5)."""
     begins = np.zeros(len(seen), np.bool_)
     begins[[piece.start for piece in cut.slices]] = True
     found = np.flatnonzero((seen != 0.0) & (np.roll(seen, 1) == 0.0) & ~begins)

@@ -58,7 +58,7 @@ class Model:
         """Columns of a window's initial state that are free."""
         on = {*self.names, *self.fixed}
         place = [] if self.sees_speed and not on & PLACED else [2]
-        loose = [6] if "backlash" in on else []
+        loose = [6] if on & {"backlash", "lugre_friction"} else []
         second = [3, 4] if "load_resonance" in on else []
         return [0, 1, *place, *second, *([5] if "sensor_lag" in on else []), *loose]
 

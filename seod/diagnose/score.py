@@ -34,7 +34,7 @@ class HeldOut:
     Attributes:
         cut: The windows.
         simulated: As measured.
-        states: Pressure, velocity, position, position behind the play, shape (n, 4).
+        states: `sim.windows.INSIDE`, shape (n, 5).
         start: Initial states, shape (w, 7).
         scored: Rows that count: samples after the window's first fifth.
         sure: Rows that hang on no jump; only of these it is asked whether more than noise is left.
@@ -157,7 +157,7 @@ def windows(baseline: HeldOut, extended: HeldOut, *, aside: bool) -> list[Window
     y = np.where(baseline.cut.good, baseline.cut.gathered("y"), np.nan)
     for (k, first, last), p in zip(baseline.cut.windows, baseline.cut.slices, strict=True):
         one = baseline.cut.series[k]
-        pressure, velocity, position, _ = extended.states[p].T
+        pressure, velocity, position = extended.states[p, :3].T
         out.append(
             Window(
                 file=k,

@@ -101,8 +101,8 @@ class Screen:
         A race: after each round only the better ones of a parent are fitted further.
         """
         alike = {parent.model.names: parent for parent in reversed(parents)}
-        begun = [each for parent in parents for each in self._entrants(parent, but)]
-        begun += [each for parent in alike.values() for each in self._from_cells(parent, but)]
+        begun = [each for parent in alike.values() for each in self._from_cells(parent, but)]
+        begun += [each for parent in parents for each in self._entrants(parent, but)]
         seen = _best_starts(one for one in self.each(self._glanced, begun) if one is not None)
         seen = list(self.each(lambda one: self._on(one, LOOK), _front(parents, seen, CAUSES)))
         whole = list(self.each(self._whole, _front(parents, seen, PROMISING)))

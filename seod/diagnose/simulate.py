@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.state import new_state
-from sim.windows import START, follow_windows
+from sim.windows import INSIDE, START, follow_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 STATES = len(START)
 VELOCITY, LOOSE = START.index("velocity"), START.index("loose")
-_NOTHING = np.empty((0, 4))
+_NOTHING = np.empty((0, len(INSIDE)))
 
 
 def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
@@ -26,7 +26,7 @@ def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
 
 
 def inside(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Array]:
-    """Likewise, and pressure, velocity, position, position behind the play, shape (n, 4)."""
+    """Likewise, and the load's state, `sim.windows.INSIDE`, shape (n, 5)."""
     return _run(record, cut, start, states=True)
 
 
@@ -42,7 +42,7 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         valve, load = new_state(record, begin), new_state(record, begin)
         load["origin"] = one.t[0]
         y = np.empty(len(one.t))
-        z = np.empty((len(one.t), 4)) if states else _NOTHING
+        z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
         surroundings = one.supply, one.warmth
         follow_windows(
             record[0], valve[0], load[0], one.t_u, one.u, one.t, *surroundings, first, last, start[own], y, z

@@ -16,8 +16,6 @@ ALIKE: Final = 4.0
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from seod.diagnose.answer import Array
     from seod.diagnose.fit import Fitted
     from seod.diagnose.model import Model
@@ -47,12 +45,12 @@ def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
     for k in {of for of, _, _ in cut.windows}:
         whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
         seen, states = inside(record, whole, measured_places(whole))
-        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+        behind = record["backlash_gap"][0] > 0.0 and not model.sees_speed
         for w, (of, first, _) in enumerate(cut.windows):
             if of == k:
                 start[w, :2] = states[first, :2]
-                start[w, LOOSE] = loose[first]
-                start[w, 2] += states[first, 2] - seen[first] if loose.any() else 0.0
+                start[w, LOOSE] = states[first, -1]
+                start[w, 2] += states[first, 2] - seen[first] if behind else 0.0
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -61,7 +59,7 @@ def carried_states(found: Fitted, cut: Cut) -> Array:
 
     A sensor's ripple may have several places for one reading: where the load is, its past tells.
     """
-    model, record = found.model, found.model.record(found.x)
+    record = found.model.record(found.x)
     start, begins = measured_places(cut), _begins(found, cut.series)
     for (k, row), state in begins.items():
         end = min((b for of, b in begins if of == k and b > row), default=len(cut.series[k].t) - 1)
@@ -70,11 +68,10 @@ def carried_states(found: Fitted, cut: Cut) -> Array:
         if not asked:
             continue
         on = Cut(cut.series, ((k, row, end + 1),))
-        seen, states = inside(record, on, state[None])
-        loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
+        states = inside(record, on, state[None])[1]
         for w in asked:
             at = cut.windows[w][1] - row
-            start[w] = state if at == 0 else [*states[at, :3], 0.0, 0.0, 0.0, loose[at]]
+            start[w] = state if at == 0 else [*states[at, :3], 0.0, 0.0, 0.0, states[at, -1]]
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -86,7 +83,6 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     model, fitted = found.model, found.cut
     record, start = model.record(found.x), measured_places(cut)
     seen, states = inside(record, fitted, found.start)
-    loose = _loose(record, seen, states) if not model.sees_speed else np.zeros(len(seen))
     good = np.repeat(found.error <= ALIKE * np.min(found.error), fitted.sizes)
     phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
     volts, ago = (np.concatenate(each) for each in zip(*phases, strict=True))
@@ -94,7 +90,7 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
         now, since = _phases(cut.series[k], cut.series[k].t[first : first + 1])
         apart = np.where(good & (volts == now), np.abs(ago - since), np.inf)
         row = int(np.argmin(apart))
-        start[w, :2], start[w, LOOSE] = states[row, :2], loose[row]
+        start[w, :2], start[w, LOOSE] = states[row, :2], states[row, -1]
         if not model.sees_speed:
             start[w, 2] = cut.series[k].y[first] + states[row, 2] - seen[row]
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
@@ -120,10 +116,3 @@ def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
     search = Search(model, cut, map, np.zeros(len(x), np.bool_))
     errors = np.array([search.tried(x, start)[1] for start in some])
     return np.asarray(np.stack(some)[np.argmin(errors, axis=0), np.arange(len(cut.windows))])
-
-
-def _loose(record: NDArray[np.void], seen: Array, states: Array) -> Array:
-    """How far the load is from the flank of its play that it runs against, by the position that is seen."""
-    gap = float(record["backlash_gap"][0])
-    flank = 0.5 * gap - np.copysign(1.0, states[:, 1]) * (states[:, 2] - seen)
-    return np.asarray(np.clip(np.nan_to_num(flank), 0.0, gap))

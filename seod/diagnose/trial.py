@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from sim.excitation import multisine, sine, steps
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
-from sim.windows import START, follow_windows
+from sim.windows import INSIDE, START, follow_windows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -109,7 +109,7 @@ def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
     """Readings and load pressure from rest, each of shape (n,)."""
     begin, end = np.array([0]), np.array([len(t)])
     valve, load = new_state(record, float(t[0])), new_state(record, float(t[0]))
-    y, inside = np.empty(len(t)), np.empty((len(t), 4))
+    y, inside = np.empty(len(t)), np.empty((len(t), len(INSIDE)))
     start = np.zeros((1, len(START)))
     follow_windows(record[0], valve[0], load[0], t, u, t, _NONE, _NONE, begin, end, start, y, inside)
     return y, inside[:, 0]

@@ -187,6 +187,21 @@ def test_friction_that_gives_way_is_found_with_its_bristles():
     assert held_out(more, found.x, aside).adequacy < 1.15
 
 
+@pytest.mark.parametrize("part", [0.2, 0.5, 1.0, 1.8])
+def test_a_window_may_begin_with_bristles_bent_anyhow(part):
+    one, bent = recorded("bristles"), 200.0 / 4e4
+    record, whole = parameters(*TRUTH.values(), BRISTLES), Cut([one], ((0, 0, N),))
+    seen, states = inside(record, whole, np.zeros((1, 7)))
+    first = 300 + int(np.argmin(np.abs(states[300:-300, 4] / bent - part)))
+    assert states[first, 4] == pytest.approx(part * bent, abs=0.1 * bent)
+    start = np.zeros((1, 7))
+    start[0, :3], start[0, 6] = states[first, :3], states[first, 4]
+    window = Cut([one], ((0, first, N),))
+    assert np.max(np.abs(simulate(record, window, start) - seen[first:])) < 1e-5 * np.ptp(seen)
+    start[0, 6] = 0.0
+    assert np.max(np.abs(simulate(record, window, start) - seen[first:])) > 1e-3 * np.ptp(seen)
+
+
 def test_bristles_come_and_go_with_the_friction_that_they_bear():
     model = model_of(recorded("bristles"), "load_bias")
     assert "lugre_friction" not in further_causes(model.scales, model.names)
