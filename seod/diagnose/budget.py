@@ -14,7 +14,7 @@ TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
 LAST_FIT: Final = 0.1
 """Likewise of a fit to all windows."""
-LOOKING: Final = 0.65
+LOOKING: Final = 0.4
 """Likewise of a look at many sets."""
 
 

@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+
 from seod.diagnose.begin import unchanged
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
@@ -47,10 +49,13 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     """
     complete = [refined(each, cut, screen) for each in finalists(grown.best) if each.model.names]
     best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
+    tried = dict(grown.tried)
     if best.held.adequacy > ADEQUATE:
         plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
-        best, base, least = min((best, *sets), key=_unseen), min((base, plain), key=_unseen), MISFIT_GAIN
-    own, rest = thinned(plainer(best, aside, screen, least), grown, aside, screen, least)
+        best, base, least = _least((best, *sets), screen), _least((base, plain), screen), MISFIT_GAIN
+        worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
+        tried |= {frozenset(one.model.names): one for one in worst_first}
+    own, rest = thinned(plainer(best, aside, screen, least), tried, aside, screen, least)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
 
 
@@ -71,7 +76,8 @@ def _over_whole(
     over = screen.budget.looking()
     for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
         sets += widened(parent, screen, over)[1:]
-    return Judged.of(plain, aside), [Judged.of(one, aside) for one in sets]
+    plainly, *judged = screen.each(lambda one: Judged.of(one, aside), (plain, *sets))
+    return plainly, judged
 
 
 def _looked_at(grown: Grown) -> list[Fitted]:
@@ -91,6 +97,11 @@ def worse(one: Judged, base: Judged) -> bool:
     if one.held.nrmse > base.held.nrmse:
         return True
     return one.held.adequacy > ADEQUATE and one.whole > base.whole
+
+
+def _least(some: Sequence[Judged], screen: Screen) -> Judged:
+    """The one that errs least."""
+    return some[int(np.argmin(list(screen.each(_unseen, some))))]
 
 
 def _unseen(one: Judged) -> float:

@@ -9,11 +9,14 @@ from seod.diagnose.judge import Judged, gain, refined
 from seod.diagnose.states import best_states, simulated_states
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from seod.diagnose.coordinates import Values
     from seod.diagnose.model import Model
     from seod.diagnose.screen import Screen
-    from seod.diagnose.select import Grown
     from seod.diagnose.windows import Cut
+
+    Tried = Mapping[frozenset[str], Fitted]
 
 PLAIN: Final = {"stribeck_friction": "coulomb_friction", "load_spring": "load_bias"}
 """Effects that become another one at the end of their range: friction that does not fall within the speeds
@@ -57,14 +60,15 @@ def without(found: Fitted, name: str, screen: Screen) -> Fitted:
 
 
 def thinned(
-    own: Judged, grown: Grown, aside: Cut, screen: Screen, enough: float
+    own: Judged, tried: Tried, aside: Cut, screen: Screen, enough: float
 ) -> tuple[Judged, dict[str, Judged]]:
     """Without the effects that gain too little, and of those left the set without each.
 
-    They have to gain where they were fitted, and on the windows held out (`aside`).
+    They have to gain where they were fitted, and on the windows held out (`aside`). `tried` are sets that
+    were fitted, by their effects.
     """
     while True:
-        rest = {name: _left(own.found, name, grown, aside, screen) for name in own.found.model.names}
+        rest = {name: _left(own.found, name, tried, aside, screen) for name in own.found.model.names}
         if not rest:
             return own, {}
         least = min(rest.values(), key=lambda one: gain(one, own))
@@ -73,10 +77,10 @@ def thinned(
         own = least
 
 
-def _left(found: Fitted, name: str, grown: Grown, aside: Cut, screen: Screen) -> Judged:
+def _left(found: Fitted, name: str, tried: Tried, aside: Cut, screen: Screen) -> Judged:
     """A set without one of its effects: fitted from where the set is, and from where it was found without."""
     rest = [without(found, name, screen)]
-    before = grown.tried.get(frozenset(rest[0].model.names))
+    before = tried.get(frozenset(rest[0].model.names))
     if before is not None:
-        rest.append(refined(before, found.cut, screen))
+        rest.append(before if before.cut is found.cut else refined(before, found.cut, screen))
     return Judged.of(min(rest, key=lambda one: one.cost), aside)
