@@ -50,6 +50,8 @@ PROMISING: Final = 5
 """Causes of a parent that are fitted to all windows for trying."""
 SLOWLY: Final = 20.0
 """Speed at which friction has fallen, over the typical one, where it begins as one that hardly does."""
+SWINGS: Final = 0.3
+"""Damping below which a plant's own swinging may be a disturbance."""
 FRONT: Final = 4
 NEAR: Final = 1.0
 """Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
@@ -186,11 +188,21 @@ class Screen:
         return wavenumber is not None and wavenumber < BENT * longest
 
     def starts(self, parent: Fitted, name: str) -> tuple[Values, ...]:
-        """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
+        """Where to begin with an effect; with a wave at the lines of what the parent leaves.
+
+        A disturbance also where the parent's plant swings, which is then a damped one: the parent may have
+        taken it for that.
+        """
         searched = group(name, parent.model.scales)
         if name not in WAVES:
             return searched.starts
-        return starts(name, self._lines(parent, name), 0.1 * searched.coordinates[0].scale)
+        size = 0.1 * searched.coordinates[0].scale
+        begun = starts(name, self._lines(parent, name), size)
+        values = parent.model.values(parent.x)
+        if name == "periodic_disturbance" and values["zeta"] < SWINGS:
+            (own,) = starts(name, [values["omega_n"]], size)
+            begun += (own | {"zeta": SWINGS},)
+        return begun
 
     def _lines(self, parent: Fitted, name: str) -> list[float]:
         """What the residual of all windows shows of a wave."""
