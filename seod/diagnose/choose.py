@@ -11,7 +11,7 @@ import numpy as np
 from seod.diagnose.begin import unchanged
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
-from seod.diagnose.select import AS_WELL, least_gain
+from seod.diagnose.select import as_well, least_gain
 from seod.diagnose.thin import plainer, thinned
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import undivided
@@ -112,8 +112,8 @@ def _unseen(one: Judged) -> float:
 def plainest(some: Sequence[Fitted]) -> Fitted:
     """The one with the fewest parameters of those that fit as well as the best."""
     least = min(one.cost for one in some)
-    as_well = [one for one in some if one.cost < least + AS_WELL]
-    return min(as_well, key=lambda one: (len(one.x), one.cost))
+    alike = [one for one in some if one.cost < least + as_well(one.cut)]
+    return min(alike, key=lambda one: (len(one.x), one.cost))
 
 
 def finalists(best: Sequence[Fitted]) -> list[Fitted]:

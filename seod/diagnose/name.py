@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seod.diagnose.answer import FoundEffect, Gain
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
 from seod.diagnose.judge import refined
-from seod.diagnose.select import AS_WELL
+from seod.diagnose.select import as_well, least_gain
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -65,6 +65,8 @@ def _in_place_of(
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:
         siblings = screen.extended([refined(rest, screen.cut, screen)], found.model.names)
-    own = refined(found, screen.cut, screen)
-    good = sorted((one for one in siblings if one.cost < own.cost + AS_WELL), key=lambda one: one.cost)
+    cut, own = screen.cut, refined(found, screen.cut, screen)
+    near = [one for one in siblings if one.cost < own.cost + 2.0 * least_gain(cut)]
+    near = [refined(one, cut, screen) for one in near]
+    good = sorted((one for one in near if one.cost < own.cost + as_well(cut)), key=lambda one: one.cost)
     return [next(iter(set(one.model.names) - others)) for one in good]

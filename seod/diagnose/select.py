@@ -22,8 +22,8 @@ GAIN: Final = 0.02
 """Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
 COARSE_GAIN: Final = 1.0
 """The same of a coarse sensor, whose noise is not known."""
-AS_WELL: Final = 0.004
-"""Mean log squared error up to which another set explains the recordings as well."""
+AS_WELL: Final = 0.2
+"""Part of what an effect must save, up to which another set explains the recordings as well."""
 ADEQUATE: Final = 1.03
 """Squared error over the noise's, at which the search ends: the noise is known to some percent."""
 
@@ -31,6 +31,11 @@ ADEQUATE: Final = 1.03
 def least_gain(cut: Cut) -> float:
     """What an effect must save of the mean log error: of coarse sensors few samples make up what is left."""
     return COARSE_GAIN if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows) else GAIN
+
+
+def as_well(cut: Cut) -> float:
+    """Mean log error up to which another set explains recordings as well."""
+    return AS_WELL * least_gain(cut)
 
 
 def excess(found: Fitted, cut: Cut) -> float:

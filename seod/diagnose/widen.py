@@ -18,7 +18,7 @@ from seod.diagnose.fit import Fitted, Search, fit, weighted
 from seod.diagnose.judge import refined
 from seod.diagnose.screen import begun_from
 from seod.diagnose.screen import remote as far
-from seod.diagnose.select import AS_WELL, MOST
+from seod.diagnose.select import MOST, as_well
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -71,7 +71,8 @@ def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
     There a single event shifts all that comes after it, where the plant integrates: whatever happens to make
     up for that event saves much. Windows show an effect wherever it is.
     """
-    return refined(more, screen.every, screen).cost < refined(fewer, screen.every, screen).cost - AS_WELL
+    cut = screen.every
+    return refined(more, cut, screen).cost < refined(fewer, cut, screen).cost - as_well(cut)
 
 
 def _fitted(
