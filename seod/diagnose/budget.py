@@ -14,7 +14,7 @@ TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
 LAST_FIT: Final = 0.1
 """Likewise of a fit to all windows."""
-LOOKING: Final = 0.4
+LOOKING: Final = 0.45
 """Likewise of a look at many sets."""
 
 
@@ -47,6 +47,10 @@ class Budget:
         """Tells when one trial has had its part, or nothing is left at all."""
         over = self._after(part)
         return lambda: over() or self.spent
+
+    def glance(self) -> Callable[[], bool]:
+        """Tells when a trial has had its part that follows the search."""
+        return self._after(TRIAL)
 
     def last_fit(self) -> Callable[[], bool]:
         """Tells when one fit of what was found has had its part; such fits follow the search."""

@@ -47,7 +47,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     make up for each other in the windows: whole recordings are fitted, without the rows held out, and the
     errors of both decide, of sets and of baselines.
     """
-    complete = [refined(each, cut, screen) for each in finalists(grown.best) if each.model.names]
+    complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
     best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
     if best.held.adequacy > ADEQUATE:
@@ -66,18 +66,17 @@ def _over_whole(
 
     They grow from the plant of the windows: fitted to whole recordings alone it may swing of its own.
     """
-    over, plain = screen.budget.looking(), refined(base, wide, screen)
     root = unchanged(replace(base.model, scales=grown.best[-1].model.scales), base.x, wide)
-    sets: list[Fitted] = []
-    for one in _looked_at(grown):
-        if over():
-            break
-        sets.append(refined(one, wide, screen))
+    plain, *sets = _refined([base, *_looked_at(grown)], wide, screen)
     over = screen.budget.looking()
     for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
         sets += widened(parent, screen, over)[1:]
     plainly, *judged = screen.each(lambda one: Judged.of(one, aside), (plain, *sets))
     return plainly, judged
+
+
+def _refined(some: Sequence[Fitted], cut: Cut, screen: Screen) -> list[Fitted]:
+    return screen.side_by_side(lambda one, within: refined(one, cut, within), some)
 
 
 def _looked_at(grown: Grown) -> list[Fitted]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from seod.diagnose.waves import lines, starts
 from seod.diagnose.windows import Cut, sample, sparse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from seod.diagnose.answer import Array
     from seod.diagnose.budget import Budget
@@ -92,6 +92,16 @@ class Screen:
     each: Each
     budget: Budget
     cells: tuple[Cell, ...] = ()
+
+    def side_by_side(self, act: Callable[[Any, Screen], Any], some: Sequence[Any]) -> list[Any]:
+        """What comes of each: one on each core, where the trials of a single one would wait for each other.
+
+        `act` is given the screen to use within.
+        """
+        if len(some) == 1:
+            return [act(some[0], self)]
+        alone = replace(self, each=map)
+        return list(self.each(lambda one: act(one, alone), some))
 
     def start(self, parent: Model, x: Array) -> Array:
         """Initial states on `cut` for a model fitted elsewhere, shape (w, 7)."""

@@ -68,13 +68,20 @@ def thinned(
     were fitted, by their effects.
     """
     while True:
-        rest = {name: _left(own.found, name, tried, aside, screen) for name in own.found.model.names}
+        rest = _rest(own.found, tried, aside, screen)
         if not rest:
             return own, {}
         least = min(rest.values(), key=lambda one: gain(one, own))
         if gain(least, own) >= enough:
             return own, rest
         own = least
+
+
+def _rest(found: Fitted, tried: Tried, aside: Cut, screen: Screen) -> dict[str, Judged]:
+    """By its name the set without each effect."""
+    names = found.model.names
+    left = screen.side_by_side(lambda name, within: _left(found, name, tried, aside, within), names)
+    return dict(zip(names, left, strict=True))
 
 
 def _left(found: Fitted, name: str, tried: Tried, aside: Cut, screen: Screen) -> Judged:

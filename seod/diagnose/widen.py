@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 TRIED: Final = 3
 """Causes that are fitted, of those that promise most."""
+FINISHED: Final = 2
+"""Of them, and of those from far, that are fitted to the end."""
 SAVES: Final = 0.2
 """Mean log squared error that one more effect has to save."""
 
@@ -56,8 +58,7 @@ def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
         parent = grown[-1]
         more = further_causes(parent.model.scales, parent.model.names)
         best = promising(parent, more, screen)[:TRIED] + remote(parent, more)
-        fitted = sorted(_fitted(best, parent, screen, over), key=lambda one: one.cost)
-        saving = (one for one in fitted if one.cost < parent.cost - SAVES)
+        saving = (one for one in _fitted(best, parent, screen, over) if one.cost < parent.cost - SAVES)
         found = next((one for one in saving if shown(parent, one, screen)), None)
         if found is None:
             break
@@ -78,10 +79,25 @@ def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
 def _fitted(
     best: Sequence[Promise], parent: Fitted, screen: Screen, over: Callable[[], bool]
 ) -> list[Fitted]:
-    def whole(one: Promise) -> Fitted:
-        return fit(one.model, parent.cut, one.x, parent.start, ended=over)
+    """What a few steps make of each, and some more of the better ones; the best first."""
+    cut = parent.cut
 
-    return [one for one in screen.each(whole, best) if not screen.imitates(one)]
+    def tried(one: Promise) -> Fitted:
+        enough = screen.budget.glance()
+        return fit(one.model, cut, one.x, parent.start, ended=lambda: over() or enough())
+
+    def finished(one: Fitted) -> Fitted:
+        enough = screen.budget.last_fit()
+        return fit(one.model, cut, one.x, one.start, ended=lambda: over() or enough())
+
+    begun = [one for one in screen.each(tried, best) if not screen.imitates(one)]
+    begun.sort(key=_cost)
+    done = [*screen.each(finished, begun[:FINISHED]), *begun[FINISHED:]]
+    return sorted((one for one in done if not screen.imitates(one)), key=_cost)
+
+
+def _cost(one: Fitted) -> float:
+    return one.cost
 
 
 def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
