@@ -9,6 +9,7 @@ from seod.diagnose.answer import FoundEffect, Gain
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
 from seod.diagnose.judge import refined
 from seod.diagnose.select import as_well, least_gain
+from seod.diagnose.thin import other_delays
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -65,8 +66,10 @@ def _in_place_of(
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:
         siblings = screen.extended([refined(rest, screen.cut, screen)], found.model.names)
-    cut, own = screen.cut, refined(found, screen.cut, screen)
-    near = [one for one in siblings if one.cost < own.cost + 2.0 * least_gain(cut)]
-    near = [refined(one, cut, screen) for one in near]
-    good = sorted((one for one in near if one.cost < own.cost + as_well(cut)), key=lambda one: one.cost)
-    return [next(iter(set(one.model.names) - others)) for one in good]
+    few, every = screen.cut, screen.every
+    reach = refined(found, few, screen).cost + 2.0 * least_gain(few)
+    near = [one for one in siblings if one.cost < reach]
+    near += [one for one in other_delays(found, screen) if others < {*one.model.names}]
+    own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [found, *near])
+    good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
+    return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))

@@ -1,9 +1,10 @@
-"""What a set of effects does not need: effects that gain too little, and richer forms of a simple one."""
+"""A set's effects looked at again: those that gain too little, richer forms of a simple one, alike ones."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from seod.diagnose.cells import DELAYS
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.judge import Judged, gain, refined
 from seod.diagnose.states import best_states, simulated_states
@@ -31,6 +32,22 @@ def plainer(own: Judged, aside: Cut, screen: Screen, enough: float) -> Judged:
             other = Judged.of(_exchanged(own.found, rich, plain, screen), aside)
             own = other if gain(other, own) < enough else own
     return own
+
+
+def best_delay(own: Judged, aside: Cut, screen: Screen) -> Judged:
+    """The set with whichever of the effects that delay fits best: which it is shows last of all."""
+    least = min((own.found, *other_delays(own.found, screen)), key=lambda one: one.cost)
+    return own if least is own.found else Judged.of(least, aside)
+
+
+def other_delays(found: Fitted, screen: Screen) -> list[Fitted]:
+    """The set with each other effect that delays in the place of its own, fitted anew to the same windows."""
+    values, others = found.model.values(found.x), []
+    for old in sorted(DELAYS.intersection(found.model.names)):
+        for new in sorted(DELAYS.difference(found.model.names)):
+            model = found.model.without(old).with_effect(new)
+            others.append(_fitted(model, values | {f"{new}.time": values[f"{old}.time"]}, found, screen))
+    return others
 
 
 def _exchanged(found: Fitted, rich: str, plain: str, screen: Screen) -> Fitted:

@@ -16,6 +16,9 @@ from numba import njit
 
 SPOOL, PRESSURE, SPEED, ANGLE, SPEED2, ANGLE2, BRISTLE, LAGGED = range(8)
 
+SETTLES = 0.5
+"""Step over the time constant in which bristles bend as far as they do at a speed, at most."""
+
 DEFAULTS = {
     "displacement": 1e-5,  # [m^3/rad]
     "inertia": 0.01,  # [kg m^2]
@@ -208,8 +211,12 @@ def arrive(p, m, w, volts):
 
 @njit(cache=True, error_model="numpy")
 def go(p, m, w, until, longest, supply, gust, k):
+    """In even steps, short enough for bristles, which bend the quicker the faster the load slides."""
     if until <= m.t:
         return
+    if p.bristle_stiffness > 0.0:
+        rate = p.bristle_stiffness * abs(w[SPEED]) / level(p, w[SPEED])
+        longest = min(longest, SETTLES / max(rate, 1.0))
     count = math.ceil((until - m.t) / longest)
     h = (until - m.t) / count
     for _ in range(count):

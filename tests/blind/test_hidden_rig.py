@@ -122,6 +122,15 @@ def test_where_friction_sticks_does_not_depend_on_the_step(monkeypatch, effects)
     assert apart(y, simulate(rig, t, Drive(GIVEN, u))[0]) < 1e-4
 
 
+def test_bristles_under_a_load_that_slides_fast_do_not_depend_on_the_step(monkeypatch):
+    bristles = {"coulomb_friction": {"level": 0.9}, "lugre_friction": {"stiffness": 3.4e4, "damping": 92.0}}
+    t, rig = np.arange(0.0, 2.0, 5e-4), Rig(16.0, 222.0, 0.56, bristles)
+    drive = Drive(GIVEN, 0.48 * np.sin(4.0 * t))
+    y, _ = simulate(rig, t, drive)
+    monkeypatch.setattr(hidden_rig, "LONGEST", hidden_rig.LONGEST / 20.0)
+    assert apart(y, simulate(rig, t, drive)[0]) < 1e-4
+
+
 @pytest.mark.parametrize(
     ("cause", "values", "least", "most"),
     [("valve_lag", {"time": 4e-3}, 0.0, 0.1), ("backlash", {"gap": 0.1}, 0.2, 1.0)],

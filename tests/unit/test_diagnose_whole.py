@@ -21,7 +21,8 @@ from seod.diagnose.judge import Judged
 from seod.diagnose.rated import rated
 from seod.diagnose.screen import screen
 from seod.diagnose.simulate import inside, simulate
-from seod.diagnose.thin import plainer
+from seod.diagnose.states import simulated_states
+from seod.diagnose.thin import best_delay, other_delays, plainer
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import Cut, cut, pieces, series, undivided
 from sim.parameters import parameters
@@ -124,6 +125,33 @@ def test_friction_that_does_not_fall_is_the_plain_one(searched, strokes):
         assert set(plain.found.model.names) == {"load_bias", "coulomb_friction"}
     found = plain.found.model.values(plain.found.x)
     assert found["coulomb_friction.level"] == pytest.approx(LEVEL, rel=0.1)
+
+
+def test_which_effect_delays_is_asked_again_where_all_else_is_right():
+    u = 0.6 * np.sin(2.0 * np.pi * (0.4 + 0.25 * T) * T) * (T < 8.0)
+    truth, y = (
+        Plant(17.0, 60.0, 0.3, {"valve_lag": {"time": 0.012}, "backlash": {"gap": 0.05}}),
+        np.empty(4000),
+    )
+    for k in range(4000):
+        truth.advance(T[k])
+        truth.command(u[k])
+        y[k] = truth.reading(truth.w)
+    y += np.random.default_rng(7).normal(0.0, 0.01 * np.std(y), 4000)
+    to_fit, aside = cut([series(recorded(T[:4000], u[:4000], y))])
+    small = pieces(to_fit)
+    screened = screen(small, map, Budget(time.process_time, 1e6))
+    begun = baseline(screened.cut, False, {})
+    plain = replace(begun.best.model, scales=scales(begun.near, screened.cut))
+    model = plain.with_effect("backlash").with_effect("transport_delay")
+    size = {"backlash.gap": 0.05, "transport_delay.time": 0.012}
+    x = model.searched({"K_L": 17.0, "omega_n": 60.0, "zeta": 0.3} | size)
+    own = Judged.of(fit(model, small, x, simulated_states(model, x, small)), aside)
+    others = other_delays(own.found, screened)
+    assert [one.model.names for one in others] == [("backlash", "sensor_lag"), ("backlash", "valve_lag")]
+    best = best_delay(own, aside, screened)
+    assert best.found.model.names == ("backlash", "valve_lag")
+    assert best_delay(best, aside, screened) is best
 
 
 @pytest.mark.parametrize(("waves", "none"), [(1.25, True), (3.0, False)])
