@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from seod.diagnose.fit import Fitted, fit, settle
+from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.score import HeldOut, held_out, wholes
-from seod.diagnose.states import alike_states, best_states, carried_states, simulated_states
+from seod.diagnose.states import alike_states, begun_states, carried_states
 
 if TYPE_CHECKING:
     from seod.diagnose.answer import Array
@@ -36,9 +36,8 @@ class Judged:
 def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
     model, x = found.model, found.x
-    start = best_states(model, x, cut, simulated_states(model, x, cut), *_known(found, cut))
-    start = settle(model, cut, x, start, cut.good, most=2)
-    return fit(found.model, cut, found.x, start, each=screen.each, ended=screen.budget.last_fit())
+    start = begun_states(model, x, cut, *_known(found, cut))
+    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
 def _known(found: Fitted, cut: Cut) -> list[Array]:

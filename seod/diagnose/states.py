@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.fit import Search
+from seod.diagnose.fit import SETTLED, Search, settle
 from seod.diagnose.simulate import LOOSE, STATES, inside
 from seod.diagnose.windows import Cut
 
@@ -109,6 +109,12 @@ def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Ar
         (k, int(np.searchsorted(series[k].t, found.cut.series[k].t[first]))): state
         for (k, first, _), state in zip(found.cut.windows, found.start, strict=True)
     }
+
+
+def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
+    """Initial states from which a fit begins, shape (w, 7): a simulation's or `some`, settled."""
+    start = best_states(model, x, cut, simulated_states(model, x, cut), *some)
+    return settle(model, cut, x, start, cut.good, most=SETTLED)
 
 
 def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from seod.diagnose.cells import DELAYS
-from seod.diagnose.fit import Fitted, fit, settle
+from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.judge import Judged, gain, refined
-from seod.diagnose.states import best_states, simulated_states
+from seod.diagnose.states import begun_states
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,8 +66,7 @@ def _exchanged(found: Fitted, rich: str, plain: str, screen: Screen) -> Fitted:
 def _fitted(model: Model, values: Values, found: Fitted, screen: Screen) -> Fitted:
     x = model.searched(values)
     cut = found.cut
-    start = best_states(model, x, cut, simulated_states(model, x, cut), found.start)
-    start = settle(model, cut, x, start, cut.good, most=2)
+    start = begun_states(model, x, cut, found.start)
     return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
 
 
