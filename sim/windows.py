@@ -41,6 +41,7 @@ def follow_windows(
     first: Array,
     last: Array,
     start: Array,
+    limit: float,
     y: Array,
     inside: Array,
 ) -> None:
@@ -58,6 +59,8 @@ def follow_windows(
         first: First row of each window, ascending, shape (w,).
         last: Row after its last, at most the next window's first.
         start: Initial states, `START`, shape (w, 7).
+        limit: A reading beyond it [unit] ends its window's simulation, and stands for all that follow: an
+            unstable plant asks for ever shorter substeps.
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
         inside: `INSIDE`, filled likewise, shape (n, 5) or (0, 5).
     """
@@ -74,6 +77,11 @@ def follow_windows(
                 inside[k, 0], inside[k, 1] = s.pressure, s.velocity
                 inside[k, 2], inside[k, 3] = s.position, s.followed
                 inside[k, 4] = _loose(p, s)
+            if not abs(y[k]) <= limit:
+                y[k : last[w]] = y[k]
+                if len(inside):
+                    inside[k : last[w]] = inside[k]
+                break
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -109,7 +110,8 @@ class KernelModel:
         n, volts = len(stretch.t), stretch.u * self._per_volt + self._zero
         y, window = np.empty(n), (np.zeros(1, np.int64), np.full(1, n, np.int64), start[None, :])
         given = stretch.t_u, volts, stretch.t, stretch.supply, _NOTHING
-        follow_windows(self._record[0], valve[0], load[0], *given, *window, y, np.empty((0, len(INSIDE))))
+        nothing = np.empty((0, len(INSIDE)))
+        follow_windows(self._record[0], valve[0], load[0], *given, *window, math.inf, y, nothing)
         return y
 
 

@@ -55,7 +55,8 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
     baseline, plain = _scored(found.base, found.held)
     extended, whole = _scored(found.chosen.found, found.chosen.held)
     left = unexplained(found.held, found.chosen.held)
-    defects = _record_effects(checked, found.chosen.held)
+    base, best = (Judged.of(one, to_fit).held for one in (found.base, found.chosen.found))
+    defects = _record_effects(checked, found.chosen.held, best)
     steps = [each.step for each in checked if each.step > 0.0]
     if steps:
         extended = replace(extended, effects=extended.effects | {"sensor_quantization": {"step": steps[0]}})
@@ -71,7 +72,7 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
         output=output,
         noise_sd=tuple(one.noise for one in aside.series),
         adequacy=found.chosen.held.adequacy,
-        windows=tuple(_windows(found, to_fit)),
+        windows=tuple(_windows(found, base, best)),
         whole=drawn(aside, plain, whole),
         candidates=_candidates(found),
         remarks=tuple(dict.fromkeys(remark for each in checked for remark in each.remarks)),
@@ -112,9 +113,8 @@ def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
     return "effects" if effects else "clean"
 
 
-def _windows(found: Found, to_fit: Cut) -> list[Window]:
-    pair = [Judged.of(one, to_fit).held for one in (found.base, found.chosen.found)]
-    seen = windows(*pair, aside=False)
+def _windows(found: Found, base: HeldOut, best: HeldOut) -> list[Window]:
+    seen = windows(base, best, aside=False)
     seen += windows(found.held, found.chosen.held, aside=True)
     return sorted(seen, key=lambda window: (window.file, window.rows))
 
@@ -133,16 +133,29 @@ def _candidates(found: Found) -> tuple[Candidate, ...]:
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 
-def _record_effects(checked: Sequence[Defects], held: HeldOut) -> list[FoundEffect]:
-    """Defects of the recordings, named as effects; rows that are none were left out of all figures."""
+def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) -> list[FoundEffect]:
+    """Defects of the recordings, named as effects; rows that are none were left out of all figures.
+
+    `held` and `fitted` are the model's simulations of the windows held out, and of the others.
+    """
     out: dict[str, FoundEffect] = {}
     same = Gain(held.nrmse, held.nrmse)
     for k, defects in enumerate(checked):
-        for each in defects.confirmed(_left(held, k)):
+        rows = defects.off.tolist()
+        simulated = _by_row(held, k, rows) | _by_row(fitted, k, rows)
+        for each in defects.confirmed(_left(held, k), simulated, held.cut.series[k].noise):
             out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
         if defects.step > 0.0 and "sensor_quantization" not in out:
             out["sensor_quantization"] = _coarse(defects, held)
     return list(out.values())
+
+
+def _by_row(held: HeldOut, file: int, rows: Sequence[int]) -> dict[int, float]:
+    """Simulated readings of some rows of a recording, as far as they are in its windows."""
+    out: dict[int, float] = {}
+    for (k, first, last), piece in zip(held.cut.windows, held.cut.slices, strict=True):
+        out |= {row: held.simulated[piece][row - first] for row in rows if k == file and first <= row < last}
+    return out
 
 
 def _left(held: HeldOut, file: int) -> float:

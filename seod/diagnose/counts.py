@@ -19,6 +19,8 @@ _CONTRAST: Final = 0.35
 """By which it stands out among steps of nearly the same size: readings at rest gather for all of them."""
 _EXACT: Final = 1e-3
 """Part of a step by which readings of whole counts may be off."""
+_BESIDE: Final = 1.5
+"""Noise deviations that readings are beside whole counts, at most; its estimate is right to some percent."""
 _WITHIN_NOISE: Final = 1.5
 """Steps of fewer noise deviations tell nothing that could be seen."""
 
@@ -71,7 +73,7 @@ def _gathered(y: Array, noise: float) -> Counts:
     k = 8 * pad + int(np.argmax(means[8 * pad : finest]))
     if means[k] < _GATHERED or means[k] - _beside(means, k, pad) < _CONTRAST:
         return Counts()
-    return _refined(y, pad * span / k)
+    return _refined(y, pad * span / k, noise)
 
 
 def _beside(means: Array, k: int, pad: int) -> float:
@@ -80,8 +82,12 @@ def _beside(means: Array, k: int, pad: int) -> float:
     return float(np.median(means[k - 6 * pad : k + 6 * pad + 1][near]))
 
 
-def _refined(y: Array, step: float) -> Counts:
-    """Least squares of the readings to whole counts, from a step that is nearly right."""
+def _refined(y: Array, step: float, noise: float) -> Counts:
+    """Least squares of the readings to whole counts, from a step that is nearly right.
+
+    None where readings lie further from them than their noise: then a movement gathers there, as a steep
+    ripple's does once a wave.
+    """
     order = np.arange(3)
     about = y - np.mean(y)
     for _ in range(4):
@@ -90,5 +96,7 @@ def _refined(y: Array, step: float) -> Counts:
         slope, offset = np.polyfit(number, about, 1)
         step = float(slope)
     left = about - slope * number - offset
+    if float(np.std(left)) > _BESIDE * noise:
+        return Counts()
     spread = float(np.std(left)) / max(float(np.std(number)) * math.sqrt(len(y) - len(order)), 1e-300)
     return Counts(step, spread)

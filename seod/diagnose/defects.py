@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from seod.data import Recording
     from seod.diagnose.answer import Array, Mask
+    from seod.diagnose.windows import Rows
 
 FEWEST: Final = 50
 """Samples without which nothing is looked for."""
@@ -33,6 +34,8 @@ ABSURD: Final = 1e9
 """Times the spread of nearly all readings beyond which one is none: its square may not be a number."""
 CONTRADICTED: Final = 0.85
 """Mean squared error of a simulation over what late samples would have, below which they are none."""
+NEAR: Final = 5.0
+"""Noise deviations within which a simulation reads what a sample does."""
 CLIPPED_RUN: Final = 4
 """Readings in a row that stand at the end of the range."""
 
@@ -61,6 +64,8 @@ class Defects:
         found: Defects with numbers.
         counts: The step of a coarse sensor.
         late: Mean squared error of samples taken at other times than told [unit^2 of y], 0 without jitter.
+        off: Rows of outliers, shape (m,).
+        readings: Their `y`, shape (m,).
         remarks: What a person should look at, in sentences.
     """
 
@@ -68,6 +73,8 @@ class Defects:
     found: tuple[Defect, ...] = ()
     counts: Counts = field(default_factory=Counts)
     late: float = 0.0
+    off: Rows = field(default_factory=lambda: np.empty(0, np.int64))
+    readings: Array = field(default_factory=lambda: np.empty(0))
     remarks: tuple[str, ...] = ()
 
     @property
@@ -75,14 +82,28 @@ class Defects:
         """Of a coarse sensor [unit of y]; 0 where none is seen."""
         return self.counts.step
 
-    def confirmed(self, left: float) -> tuple[Defect, ...]:
-        """Those that agree with a model whose simulation leaves this mean squared error [unit^2 of y].
+    def confirmed(self, left: float, simulated: Mapping[int, float], noise: float) -> tuple[Defect, ...]:
+        """Those that agree with a model.
 
-        Where it is less than late samples would have, what looked like them were corners of the signal.
+        Late samples are none where its simulation leaves less than they would: they were corners of the
+        signal. Outliers are none where it reads at most of them what they do: the plant moves like that.
+
+        Args:
+            left: Mean squared error of its simulation [unit^2 of y].
+            simulated: Its readings by row, as far as there are any [unit of y].
+            noise: Standard deviation of the samples [unit of y].
         """
-        if left >= CONTRADICTED * self.late:
-            return self.found
-        return tuple(each for each in self.found if each.name != "timing_jitter")
+        none = set()
+        if left < CONTRADICTED * self.late:
+            none.add("timing_jitter")
+        near = [
+            abs(simulated[row] - y) < NEAR * noise
+            for row, y in zip(self.off.tolist(), self.readings.tolist(), strict=True)
+            if row in simulated
+        ]
+        if near and 2 * sum(near) > len(near):
+            none.add("outliers")
+        return tuple(each for each in self.found if each.name not in none)
 
 
 def examine(recording: Recording) -> Defects:
@@ -114,7 +135,8 @@ def examine(recording: Recording) -> Defects:
         values, ends = {"deviation": late.deviation}, {"deviation": late.ci95}
         told.append(_named("timing_jitter", values, ends, late.p_value))
     error = float(np.mean(spread[found.usable] ** 2)) if late.deviation > 0.0 else 0.0
-    return Defects(bad, tuple(each for each in told if each), step, error, tuple(remarks))
+    found_ones = tuple(each for each in told if each)
+    return Defects(bad, found_ones, step, error, off.rows, recording.y[off.rows], tuple(remarks))
 
 
 def _absurd(y: Array) -> Mask:

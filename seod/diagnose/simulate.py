@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 STATES = len(START)
 VELOCITY, LOOSE = START.index("velocity"), START.index("loose")
+LEFT: Final = 1e3
+"""Largest reading of a recording, times which a simulation has left it."""
 _NOTHING = np.empty((0, len(INSIDE)))
 
 
@@ -43,10 +45,9 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         load["origin"] = one.t[0]
         y = np.empty(len(one.t))
         z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
-        surroundings = one.supply, one.warmth
-        follow_windows(
-            record[0], valve[0], load[0], one.t_u, one.u, one.t, *surroundings, first, last, start[own], y, z
-        )
+        given = one.t_u, one.u, one.t, one.supply, one.warmth
+        limit = LEFT * float(np.max(np.abs(one.y)))
+        follow_windows(record[0], valve[0], load[0], *given, first, last, start[own], limit, y, z)
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]
         within += [z[a:b] for a, b in zip(first, last, strict=True)]
     return np.concatenate(seen), np.concatenate(within)

@@ -111,7 +111,8 @@ def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
     valve, load = new_state(record, float(t[0])), new_state(record, float(t[0]))
     y, inside = np.empty(len(t)), np.empty((len(t), len(INSIDE)))
     start = np.zeros((1, len(START)))
-    follow_windows(record[0], valve[0], load[0], t, u, t, _NONE, _NONE, begin, end, start, y, inside)
+    given = t, u, t, _NONE, _NONE
+    follow_windows(record[0], valve[0], load[0], *given, begin, end, start, math.inf, y, inside)
     return y, inside[:, 0]
 
 

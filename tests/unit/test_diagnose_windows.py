@@ -128,3 +128,20 @@ def test_windows_begin_where_the_plant_written_apart_is():
     seen, within = inside(record, windows, start)
     assert np.array_equal(seen, simulate(record, windows, start))
     assert np.all(np.max(np.abs(within[:, :3] - states[rows]), axis=0) < 1e-4 * np.ptp(states, axis=0))
+
+
+def test_an_unstable_plant_is_followed_until_it_has_left_the_recording():
+    one = series(recording(np.sin(7.0 * T), np.sin(9.0 * T), noise=0.0))
+    bristles = {"coulomb_friction": {"level": 900.0}, "lugre_friction": {"stiffness": 2e5, "damping": 400.0}}
+    spring = {"load_spring": {"stiffness": -1e4, "centre": 0.0}}
+    record = parameters(64.0, 82.0, 1.6, {**spring, **bristles})
+    start = np.zeros((2, 7))
+    start[:, 2] = [1.0, -2.0]
+    windows = Cut([one], ((0, 100, 400), (0, 500, 900)))
+    seen, within = inside(record, windows, start)
+    for piece in windows.slices:
+        gone = int(np.argmax(np.abs(seen[piece]) > 1e3))
+        assert 0 < gone < piece.stop - piece.start - 1
+        assert np.all(seen[piece][gone:] == seen[piece][gone])
+        assert np.all(within[piece][gone:] == within[piece][gone])
+    assert np.all(np.isfinite(seen))

@@ -103,8 +103,21 @@ def test_a_model_that_leaves_less_than_late_samples_would_have_takes_the_jitter_
     found = examine(recording(movement(6.0 * taken) + noisy(1) - movement(T)))
     due = NOISE**2 + 2.5e-4**2 * np.mean(np.gradient(movement(6.0 * T), T) ** 2)
     assert found.late == pytest.approx(due, rel=0.1)
-    assert [each.name for each in found.confirmed(due)] == ["timing_jitter"]
-    assert found.confirmed(0.7 * due) == ()
+    assert [each.name for each in found.confirmed(due, {}, NOISE)] == ["timing_jitter"]
+    assert found.confirmed(0.7 * due, {}, NOISE) == ()
+
+
+def test_a_model_that_reads_what_outliers_do_takes_them_back():
+    off = outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
+    y = noisy() + off
+    found = examine(recording(y))
+    rows = found.off.tolist()
+    assert rows
+    assert np.array_equal(found.readings, y[rows])
+    moves = {row: movement(T)[row] for row in rows}
+    assert [each.name for each in found.confirmed(NOISE**2, moves, NOISE)] == ["outliers"]
+    assert [each.name for each in found.confirmed(NOISE**2, {}, NOISE)] == ["outliers"]
+    assert found.confirmed(NOISE**2, {row: y[row] + NOISE for row in rows}, NOISE) == ()
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 1e40])
@@ -139,6 +152,13 @@ def test_counts_are_found_before_or_after_noise(step, offset, before):
     found = counts(y, 0.1 * step)
     assert found.step == pytest.approx(step, abs=max(4.0 * found.sd, 1e-9))
     assert found.sd < 0.01 * step
+
+
+def test_a_steep_ripple_gathers_readings_but_is_no_step_of_a_sensor():
+    load = 3.0 * movement(T)
+    y = load + 0.17 * np.sin(11.0 * load) + np.random.default_rng(1).normal(0.0, 0.2 * NOISE, len(T))
+    assert np.abs(np.mean(np.exp(11.0j * y))) > 0.5  # they do gather
+    assert counts(y, 0.2 * NOISE).step == 0.0
 
 
 def test_no_counts_where_the_load_rests_for_long():
