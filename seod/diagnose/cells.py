@@ -48,7 +48,6 @@ FALLEN: Final = 0.45
 """Speed at which friction has fallen, over the limit cycle's largest without it."""
 DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
-
 GIVE: Final = 0.04
 """What bristles give way by, over half the swing."""
 BEGUN: Final = DELAYS.union(SHARES, {"lugre_friction"})

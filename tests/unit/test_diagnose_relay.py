@@ -143,6 +143,26 @@ def test_a_cell_is_a_start_of_the_sets_that_it_knows():
     assert late.values()["valve_lag.time"] == 0.01
 
 
+def test_bristles_are_tried_from_the_cells_of_plain_friction():
+    one, _ = recorded("stalls")
+    tried = []
+
+    def each(act, some):
+        some = list(some)
+        tried.extend(
+            entrant.name for entrant in some if "*K_L" not in entrant.start and "K_L" in entrant.start
+        )
+        return []
+
+    screened = screen(pieces(cut([one])[0]), each, Budget(time.process_time, 1e6))
+    model = model_of(one, "coulomb_friction")
+    x, few = searched(model, STALLS), screened.cut
+    parent = fit(model, few, x, simulated_states(model, x, few), free=np.zeros(len(x), np.bool_))
+    assert screened.extended([parent]) == []
+    begun = [cell for cell in screened.cells if cell.begins(["coulomb_friction", "lugre_friction"])]
+    assert tried.count("lugre_friction") == len(begun) > 0
+
+
 def test_only_a_relay_has_cells():
     one, _ = recorded("stalls")
     budget = Budget(time.process_time, 1e6)
