@@ -33,8 +33,14 @@ class Daemon:
         until("the port", lambda: port_open(self.port) or self.program.process.poll() is not None)
         assert self.program.process.poll() is None, self.program.said()
         self.rpc = Rpc(self.port)
-        until("the loop", lambda: self.rpc.call("status")["health"]["ticks"])
+        until("the loop", self.loop_is_heard)
         self.rpc.call("subscribe", topics=["event", "estimate"])
+
+    def loop_is_heard(self) -> bool:
+        """Ticks are counted in shared memory; what the loop says of itself comes with the next poll."""
+        status = self.rpc.call("status")
+        heard: bool = status["realtime"]["why"] != ["the loop has not started yet"]
+        return heard and bool(status["health"]["ticks"])
 
     def child(self, module: str) -> int:
         return until(module, lambda: find_process(module, self.program.pid))
