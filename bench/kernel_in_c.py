@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 CONSTANTS = {
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,
+    "SETTLED": physics.SETTLED,
     "SHARPNESS": kernel.SHARPNESS,
     "MOST_TRIALS": kernel.MOST_TRIALS,
     "MOST_EVENTS": kernel.MOST_EVENTS,

@@ -70,6 +70,12 @@ static bool dry_friction(const Plant *p) {
   return p->lugre_friction_stiffness == 0.0 && friction_level(p, 0.0) > 0.0;
 }
 
+static bool settled(const Plant *p, const State *s) {
+  if (p->stribeck_friction_level > 0.0) return false;
+  const double bears = s->motion * p->lugre_friction_stiffness * s->bristle;
+  return fabs(bears - p->coulomb_friction_level) <= SETTLED * p->coulomb_friction_level;
+}
+
 static double followed(const Plant *p, const State *s, double position) {
   const double half = 0.5 * p->backlash_gap;
   return clip(s->followed, position - half, position + half);
@@ -108,7 +114,7 @@ static void rates(const Plant *p, const State *s, const double *z, double t, dou
   const double coupled = ratio > 0.0 ? coupling(p, z[VELOCITY], z) : 0.0;
   double friction = 0.0;
   d[BRISTLE] = 0.0;
-  if (p->lugre_friction_stiffness > 0.0) {
+  if (p->lugre_friction_stiffness > 0.0 && !settled(p, s)) {
     const double level = friction_level(p, z[VELOCITY]);
     d[BRISTLE] = z[VELOCITY] - p->lugre_friction_stiffness * fabs(z[VELOCITY]) / level * z[BRISTLE];
     friction = p->lugre_friction_stiffness * z[BRISTLE] + p->lugre_friction_damping * d[BRISTLE];

@@ -49,7 +49,7 @@ static double within_bristles(const Plant *p, const State *s, double longest) {
 static double next_substep(const Plant *p, const State *s, double left, double longest, bool *ends) {
   if (p->square_root_flow_supply < INFINITY)
     longest = min(longest, max(within_orifice(p, s, longest), p->shortest * longest));
-  if (p->lugre_friction_stiffness > 0.0) longest = min(longest, within_bristles(p, s, longest));
+  if (p->lugre_friction_stiffness > 0.0 && !settled(p, s)) longest = min(longest, within_bristles(p, s, longest));
   longest = max(longest, 1e-9);
   const double pieces = ceil(left / longest - 1e-9);
   const double h = pieces > 1.0 ? left / pieces : left;

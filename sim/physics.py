@@ -12,6 +12,9 @@ LAMINAR = 1e-2
 VACUUM = 1e-3
 """Least supply pressure over nominal: without any the orifice and the oil have no equations."""
 
+SETTLED = 1e-9
+"""Part of the friction by which bristles that have settled bear more or less than all of it."""
+
 
 @compiled
 def opening(p: Record, spool: float) -> float:
@@ -96,6 +99,15 @@ def dry_friction(p: Record) -> bool:
 
 
 @inlined
+def settled(p: Record, s: Record) -> bool:
+    """Whether bristles bend as far as they do in motion, until the load turns round: as plain friction."""
+    if p.stribeck_friction_level > 0.0:
+        return False
+    bears = s.motion * p.lugre_friction_stiffness * s.bristle
+    return abs(bears - p.coulomb_friction_level) <= SETTLED * p.coulomb_friction_level
+
+
+@inlined
 def rates(
     p: Record, s: Record, z: tuple[float, ...], t: float, opened: float
 ) -> tuple[float, float, float, float, float, float, float]:
@@ -114,7 +126,7 @@ def rates(
     ratio = p.load_resonance_inertia
     coupled = coupling(p, velocity, position, velocity2, position2) if ratio > 0.0 else 0.0
     friction, d_bristle = 0.0, 0.0
-    if p.lugre_friction_stiffness > 0.0:
+    if p.lugre_friction_stiffness > 0.0 and not settled(p, s):
         level = friction_level(p, velocity)
         d_bristle = velocity - p.lugre_friction_stiffness * abs(velocity) / level * bristle
         friction = p.lugre_friction_stiffness * bristle + p.lugre_friction_damping * d_bristle

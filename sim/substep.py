@@ -27,7 +27,7 @@ def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[flo
     """How far to go now [s], and whether that is the whole of `left`."""
     if p.square_root_flow_supply < math.inf:
         longest = min(longest, max(_within_orifice(p, s, longest), p.shortest * longest))
-    if p.lugre_friction_stiffness > 0.0:
+    if p.lugre_friction_stiffness > 0.0 and not physics.settled(p, s):
         longest = min(longest, _within_bristles(p, s, longest))
     longest = max(longest, 1e-9)
     pieces = math.ceil(left / longest - 1e-9)

@@ -26,6 +26,7 @@ from sim import kernel
 from sim.effects import EFFECTS, parameter
 from sim.parameters import nulls, parameters
 from sim.state import new_state
+from sim.substep import longest_substep, next_substep
 
 T = np.arange(0.0, 0.4, 1e-3)
 T_U, U = steps(0.4)
@@ -64,6 +65,18 @@ def test_stiffer_bristles_are_dry_friction():
 
     assert bristles(1e5) > 4.0 * bristles(1.6e6) > 16.0 * bristles(2.5e7)
     assert bristles(2.5e7) < 5e-4
+
+
+def test_bristles_that_have_settled_slow_nothing_down_until_the_load_turns_round():
+    group = {"coulomb_friction": {"level": 400.0}, "lugre_friction": {"stiffness": 1e7, "damping": 1e3}}
+    p, s = record(effects=group)[0], new_state(record(effects=group))[0]
+    s["velocity"], s["motion"], s["bristle"] = 5.0, 1.0, 400.0 / 1e7
+    longest = longest_substep(p, s, 1.0)
+    assert next_substep(p, s, longest, longest) == (longest, True)
+    s["motion"] = -1.0  # bent the other way
+    assert next_substep(p, s, longest, longest)[0] < 0.3 * longest
+    s["motion"], s["bristle"] = 1.0, 0.999 * 400.0 / 1e7
+    assert next_substep(p, s, longest, longest)[0] < 0.3 * longest
 
 
 @pytest.mark.parametrize("by", [-7.3, 1000.0])
