@@ -15,7 +15,7 @@ import numpy as np
 from seod.diagnose.coarse import beyond
 from seod.diagnose.contact import Softness, jumps, smooth, softness
 from seod.diagnose.normal import Normal, Table
-from seod.diagnose.simulate import LOOSE, VELOCITY
+from seod.diagnose.simulate import LOOSE, VELOCITY, loosest
 from seod.diagnose.windows import Cut
 from sim.physics import dry_friction
 
@@ -35,6 +35,8 @@ FARTHEST: Final = 30.0
 """Change of another searched number in one step, at most."""
 ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
+SMALL: Final = 0.05
+"""Change of a state by which derivatives are taken, over the range that it has, at most."""
 PART: Final = 0.3
 """Of a step of a window's initial state, where all of it is too far."""
 SETTLED: Final = 2
@@ -136,10 +138,10 @@ class Search:
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
             for _ in range(_TRIALS if self.soft is None else 2 * _TRIALS):
                 found = self.stepped(parts, at, damping, bounds)
-                if found is not None:
+                if found is not None or ended():
                     break
                 damping *= 6.0
-            else:
+            if found is None:
                 break
             at, damping = found, max(damping / 6.0, 1e-9)
             if before - self.cost(at.error) < ENOUGH:
@@ -216,14 +218,17 @@ class Search:
     def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
         """Initial states after a part of their step, with residual and errors."""
         new = start + part * states
-        new[:, LOOSE] = np.maximum(new[:, LOOSE], 0.0)  # no further than the flank of a play
+        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.model.record(x)))
         return new, *self.tried(x, new)
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
-        states, sizes = self.model.states, self.model.state_sizes
+        states, sizes, record = self.model.states, self.model.state_sizes, self.model.record(x)
+        ranges = np.full(len(sizes), np.inf)
+        ranges[LOOSE] = loosest(record)
+        sizes = np.minimum(sizes, SMALL * ranges)
         trials = []
-        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(self.model.record(x)[0])
+        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
         for column in states:
             moved = start.copy()
             moved[:, column] += sizes[column]
@@ -243,12 +248,23 @@ class Search:
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
         ]
         every = np.stack([*columns, residual], axis=1)
+        if LOOSE in states:
+            self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
         weights = 1.0 / (error + self.floor)
         products = [
             w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
         ]
         table = Table(every, weights, self.slices)
-        return Normal(np.array(products), states, sizes, self.free, len(x), table)
+        prior = (sizes / ranges)[states] ** 2
+        return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
+
+    def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
+        """Keep windows whose looseness is at an end of its range there, where it would go beyond."""
+        for w in np.flatnonzero((loose <= 0.0) | (loose >= most)):
+            rows = every[self.slices[w]]
+            further = np.linalg.lstsq(rows[:, : len(self.model.states)], rows[:, -1])[0][k]
+            if (further < 0.0) == (loose[w] <= 0.0):
+                rows[:, k] = 0.0
 
 
 def rounded(cut: Cut) -> Cut:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 COARSE: Final = 0.3
 """Substep times the fastest rate in a search: readings then differ by some 1e-4 of the movement at most."""
+DULL: Final = 4.0
+"""Damping of bristles over the square root of their stiffness, at most: 2 is critical."""
 SHORTEST: Final = 0.03
 """Substeps that an orifice asks for, over the longest: a search need not come nearer to its limit."""
 QUICK: Final = 1.0
@@ -88,8 +90,10 @@ class Model:
         """All that is switched on, free or not, as `sim.parameters` takes it."""
         free = grouped(self.values(x))
         if "lugre_friction" in free:
+            bristles = free["lugre_friction"]
             stiffest = min(STIFFEST / self.scales.swing, LIMIT) * free["coulomb_friction"]["level"]
-            free["lugre_friction"]["stiffness"] = min(free["lugre_friction"]["stiffness"], stiffest)
+            bristles["stiffness"] = min(bristles["stiffness"], stiffest)
+            bristles["damping"] = min(bristles["damping"], DULL * math.sqrt(bristles["stiffness"]))
         if "stribeck_friction" in free:
             falls = free["stribeck_friction"]
             falls["level"] = min(falls["level"], 0.999 * LIMIT * falls["speed"])

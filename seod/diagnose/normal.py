@@ -23,7 +23,10 @@ class Table:
 
 
 class Normal:
-    """Weighted products of the columns, states first and residual last, of each window: shape (w, m, m)."""
+    """Weighted products of the columns, states first and residual last, of each window: shape (w, m, m).
+
+    `prior` is what is known of a step of each free state beforehand: its size over its range, squared.
+    """
 
     def __init__(
         self,
@@ -33,11 +36,12 @@ class Normal:
         free: Any,
         unknowns: int,
         table: Table | None = None,
+        prior: Array | None = None,
     ) -> None:
         self.products, self.states, self.sizes, self.table = products, states, sizes, table
         self.free, self.unknowns, self.count = free, unknowns, len(states)
         n = self.count
-        own = products[:, :n, :n]
+        own = products[:, :n, :n] + np.diag(np.zeros(n) if prior is None else prior)
         ridge = 1e-9 * np.einsum("wii->wi", own) + 1e-12 * np.trace(own, axis1=1, axis2=2)[:, None] + 1e-200
         self.inverse = np.linalg.inv(own + ridge[:, :, None] * np.eye(n))
         self.solved = self.inverse @ products[:, :n, n:]

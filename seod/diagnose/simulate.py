@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sim.physics import friction_level
 from sim.state import new_state
 from sim.windows import INSIDE, START, follow_windows
 
@@ -51,3 +53,14 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]
         within += [z[a:b] for a, b in zip(first, last, strict=True)]
     return np.concatenate(seen), np.concatenate(within)
+
+
+def loosest(record: NDArray[np.void]) -> float:
+    """How far the load may be from the flank that it runs against, or bristles from their bend [unit].
+
+    Infinite where nothing is loose.
+    """
+    plant, gap = record[0], float(record[0]["backlash_gap"])
+    if plant["lugre_friction_stiffness"] > 0.0:
+        gap = 2.0 * float(friction_level(plant, 0.0) / plant["lugre_friction_stiffness"])
+    return gap or math.inf

@@ -17,9 +17,9 @@ from seod.diagnose.coordinates import STIFFEST, Scales, further_causes
 from seod.diagnose.fit import fit, settle, weighted
 from seod.diagnose.intervals import covariance, effect_parameters
 from seod.diagnose.score import held_out
-from seod.diagnose.simulate import inside, simulate
-from seod.diagnose.states import simulated_states
-from seod.diagnose.windows import Cut, cut, series
+from seod.diagnose.simulate import LOOSE, inside, simulate
+from seod.diagnose.states import begun_states, simulated_states
+from seod.diagnose.windows import Cut, cut, pieces, series
 from sim.parameters import parameters
 
 RATE, N = 1000.0, 4000
@@ -202,6 +202,37 @@ def test_a_window_may_begin_with_bristles_bent_anyhow(part):
     assert np.max(np.abs(simulate(record, window, start) - seen[first:])) > 1e-3 * np.ptp(seen)
 
 
+def test_windows_that_begin_in_motion_keep_their_bristles_within_what_they_bend():
+    """Begun at plain friction, whose bristles would not bend, a fit does not end above it."""
+    random = np.random.default_rng(3)
+    u = np.repeat(random.uniform(-1.0, 1.0, 16), 500)
+    size = {"K_L": 22.4, "omega_n": 40.7, "zeta": 0.184, "coulomb_friction.level": 379.0}
+    stiff = {"coulomb_friction": {"level": 379.0}, "lugre_friction": {"stiffness": 1.3e5, "damping": 176.0}}
+    t, y = np.arange(len(u)) / RATE, np.empty(len(u))
+    plant = Plant(22.4, 40.7, 0.184, stiff)
+    for k in range(len(u)):
+        plant.advance(t[k])
+        y[k] = plant.reading(plant.w)
+        plant.command(u[k])
+    y += random.normal(0.0, 0.01 * np.std(y), len(y))
+    one = series(Recording((Path("steps.csv"),), t, u, y, None, None, None, np.arange(len(u)), {}, {}, ()))
+    few = pieces(cut([one])[0])
+    rough = Scales(1.0, 10.0, 600.0, 0.0, 1.0, 0.5, 40.7, 8.0, 1.0 / RATE)
+    plain, model = (
+        sized_model(one, rough, size, names)
+        for names in (["coulomb_friction"], ["coulomb_friction", "lugre_friction"])
+    )
+    x = plain.searched(size)
+    dry = fit(plain, few, x, simulated_states(plain, x, few), most=25)
+    begun = {"lugre_friction.stiffness": 1e4, "lugre_friction.damping": 10.0}
+    x = model.searched(plain.values(dry.x) | begun)
+    found = fit(model, few, x, begun_states(model, x, few, dry.start), most=40)
+    assert found.cost < dry.cost + 0.003
+    bends = 2.0 * model.values(found.x)["coulomb_friction.level"]
+    bends /= model.record(found.x)["lugre_friction_stiffness"][0]
+    assert np.all((found.start[:, LOOSE] >= 0.0) & (found.start[:, LOOSE] <= bends * 1.001))
+
+
 def test_bristles_come_and_go_with_the_friction_that_they_bear():
     model = model_of(recorded("bristles"), "load_bias")
     assert "lugre_friction" not in further_causes(model.scales, model.names)
@@ -219,6 +250,8 @@ def test_bristles_come_and_go_with_the_friction_that_they_bear():
     stiffest = STIFFEST / model.scales.swing * record["coulomb_friction_level"][0]
     assert record["lugre_friction_stiffness"][0] == pytest.approx(min(stiffest, 1e9))
     assert stiffest < 1e3
+    dull = both.record(both.searched(TRUTH | both.values(stiff) | {"lugre_friction.damping": 1e6}))
+    assert dull["lugre_friction_damping"][0] == pytest.approx(4.0 * np.sqrt(stiffest))
 
 
 def test_a_play_in_a_speed_is_told_no_better_than_a_sample_allows():

@@ -8,7 +8,7 @@ from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recordin
 
 from seod.diagnose.begin import baseline, scales
 from seod.diagnose.coordinates import Coordinate, Scales, group, searched_causes
-from seod.diagnose.fit import fit, settle
+from seod.diagnose.fit import Search, fit, settle
 from seod.diagnose.intervals import base_sd, covariance, effect_parameters
 from seod.diagnose.model import baseline_model, grouped
 from seod.diagnose.score import held_out, nrmse, wholes
@@ -51,6 +51,16 @@ def test_the_same_of_a_speed_with_a_turned_sign():
     fitted, _ = cut([one])
     found = baseline(fitted, True, {}).best
     assert found.model.values(found.x)["K_L"] == pytest.approx(-K_L, rel=2e-3)
+
+
+def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
+    found, tried = baseline(clean[0], False, {}).best, []
+    monkeypatch.setattr(Search, "stepped", lambda *_: tried.append(1))
+    fit(found.model, clean[0], found.x, found.start, ended=lambda: bool(tried))
+    assert len(tried) == 1
+    tried.clear()
+    fit(found.model, clean[0], found.x, found.start)
+    assert len(tried) > 1
 
 
 def test_a_curvature_that_rounding_made_negative_breaks_nothing_off(clean):
