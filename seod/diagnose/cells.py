@@ -1,10 +1,10 @@
-"""Plants with dry friction, or with play, that a relay's recording may come from, by a grid.
+"""Plants with dry friction, play, or both, that a relay's recording may come from, by a grid.
 
 Under a relay Eq. 1 alone fits a limit cycle to some percent with a plant far from the right one, from which
 no descent leads there. How a plant sticks, or what it loses in a play, depends, but for its size, on three
 numbers only: omega_n, zeta, and a share: friction over the pressure at which the load would stall, play over
-the swing. A delay moves the answer in time. So each cell costs one simulation from rest, whatever the gain
-and the delay.
+the swing. With both it is one share more. A delay moves the answer in time. So each cell costs one simulation
+from rest, whatever the gain and the delay.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.model import tolerance
+from seod.diagnose.model import grouped, tolerance
 from seod.diagnose.simulate import STATES, simulate
 from seod.diagnose.windows import Cut
 from sim.parameters import parameters
@@ -34,11 +34,18 @@ LONG: Final = 5.0
 QUICKER: Final = tuple(np.geomspace(0.8, 5.0, 14).tolist())
 """omega_n over the limit cycle's frequency."""
 DAMPINGS: Final = (0.05, 0.15, 0.3, 0.6, 1.2, 4.0)
-SHARES: Final = {
-    "coulomb_friction": (0.2, 0.4, 0.6, 0.75, 0.85, 0.93),
-    "stribeck_friction": (0.2, 0.4, 0.6, 0.75, 0.85, 0.93),
-    "backlash": (0.1, 0.25, 0.4, 0.55, 0.7, 0.82),
-}
+SHARES: Final[tuple[Values, ...]] = (
+    *({"coulomb_friction.level": share} for share in (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)),
+    *({"stribeck_friction.level": share} for share in (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)),
+    *({"backlash.gap": share} for share in (0.1, 0.25, 0.4, 0.55, 0.7, 0.82)),
+    *(
+        {"coulomb_friction.level": rubs, "backlash.gap": plays}
+        for rubs, plays in product((0.3, 0.6, 0.85), (0.15, 0.35, 0.6))
+    ),
+)
+"""Of friction and of play; what play is left of a swing that friction makes smaller."""
+CONTACTS: Final = frozenset(place.split(".")[0] for shares in SHARES for place in shares)
+"""Effects that the grid has."""
 LATE: Final = (0.025, 0.05, 0.075, 0.1, 0.15)
 """Delays, in periods of the limit cycle."""
 KEPT: Final = 4
@@ -50,14 +57,14 @@ DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
 GIVE: Final = 0.04
 """What bristles give way by, over half the swing."""
-BEGUN: Final = DELAYS.union(SHARES, {"lugre_friction"})
+BEGUN: Final = DELAYS | CONTACTS | {"lugre_friction"}
 """Effects that may be tried from a cell; bristles give way so little that they begin as plain friction."""
 
 
 class Cell(NamedTuple):
-    """A plant: what it leaves of the recording, its parameters, its effect's, and a delay.
+    """A plant: what it leaves of the recording, its parameters, a delay, and its effects' parameters.
 
-    `half` is half of its swing without the effect.
+    `half` is half of its swing without the effects.
     """
 
     cost: float
@@ -66,30 +73,40 @@ class Cell(NamedTuple):
     zeta: float
     delay: float
     half: float
-    cause: str
-    sizes: dict[str, float]
+    sizes: Values
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """Its effects."""
+        return frozenset(place.split(".")[0] for place in self.sizes)
 
     def begins(self, names: Iterable[str]) -> bool:
         """Whether a set of these effects may begin here."""
         late = not DELAYS.isdisjoint(names)
-        return {*names} & {*SHARES} == {self.cause} and late == (self.delay > 0.0)
+        return CONTACTS.intersection(names) == self.causes and late == (self.delay > 0.0)
 
     def values(self) -> Values:
         """As a start, with the times of all that may stand for the delay."""
         own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
-        own |= {f"{self.cause}.{of}": size for of, size in self.sizes.items()}
-        if self.cause == "coulomb_friction":
-            stiff = self.sizes["level"] / (GIVE * self.half)
-            own |= {"lugre_friction.stiffness": stiff, "lugre_friction.damping": 0.5 * math.sqrt(stiff)}
+        own |= self.sizes
+        if self.causes == {"coulomb_friction"}:
+            own |= bristles(self.sizes["coulomb_friction.level"], self.half)
         return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
 
 
+def bristles(level: float, half: float) -> Values:
+    """That bear a friction, of a load that swings so far either way."""
+    stiff = level / (GIVE * half)
+    return {"lugre_friction.stiffness": stiff, "lugre_friction.damping": 0.5 * math.sqrt(stiff)}
+
+
 def cells(cut: Cut) -> tuple[Cell, ...]:
-    """Of a relay's recording: the best plants of each cause without a delay, and the best with one."""
-    grid, found = _Grid(cut), []
-    for cause, shares in SHARES.items():
-        points = product([cause], QUICKER, DAMPINGS, shares)
-        own = [cell for at in points for cell in grid.cells(at)]
+    """Of a relay's recording: the best plants of each kind without a delay, and the best with one."""
+    grid = _Grid(cut)
+    some = [cell for at in product(QUICKER, DAMPINGS, SHARES) for cell in grid.cells(*at)]
+    found: list[Cell] = []
+    for causes in dict.fromkeys(cell.causes for cell in some):
+        own = [cell for cell in some if cell.causes == causes]
         found += _best(cell for cell in own if cell.delay == 0.0)[:KEPT]
         found += _best(cell for cell in own if cell.delay > 0.0)[:KEPT_LATE]
     return tuple(found)
@@ -120,21 +137,21 @@ class _Grid:
         self.lines = [self._line(rows) for rows in self.pieces]
         self.seen = [self._about(self.one.y[begin:end], w) for w in range(PIECES)]
 
-    def cells(self, at: tuple[str, float, float, float]) -> list[Cell]:
+    def cells(self, quicker: float, zeta: float, shares: Values) -> list[Cell]:
         """A plant of K_L 1, without and with each delay, brought to the recording's size."""
-        cause, omega_n, zeta = at[0], at[1] * self.omega, at[2]
+        omega_n = quicker * self.omega
         half = self._half(omega_n, zeta)
-        sizes = self._sizes(at, half)
+        sizes = self._sizes(omega_n / (2.0 * zeta), half, shares)
         record = parameters(
             1.0,
             omega_n,
             zeta,
-            {cause: sizes},
+            grouped(sizes),
             accuracy=tolerance(omega_n, zeta, self.one.tick),
             measures_speed=float(self.one.sees_speed),
         )
         answer = simulate(record, self.cut, np.zeros((1, STATES)))
-        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, cause, sizes)
+        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, sizes)
         return [self._compared(answer, plain, late * 2.0 * math.pi / self.omega) for late in (0.0, *LATE)]
 
     def _half(self, omega_n: float, zeta: float) -> float:
@@ -143,15 +160,18 @@ class _Grid:
         gain = square / omega / math.hypot(square - omega * omega, 2.0 * zeta * omega_n * omega)
         return 4.0 / math.pi * self.volts * gain
 
-    def _sizes(self, at: tuple[str, float, float, float], half: float) -> dict[str, float]:
-        """Share of the pressure of the stalled load, or of the swing without play."""
-        cause, quicker, zeta, share = at
-        stall = quicker * self.omega * self.volts / (2.0 * zeta)
-        return {
-            "backlash": {"gap": share * 2.0 * half},
-            "coulomb_friction": {"level": share * stall},
-            "stribeck_friction": {"level": share * stall, "speed": FALLEN * self.omega * half},
-        }[cause]
+    def _sizes(self, stalls: float, half: float, shares: Values) -> Values:
+        """Of shares of the pressure of the stalled load, per volt, and of the swing without play."""
+        rubs = shares.get("coulomb_friction.level", 0.0)
+        whole = {
+            "backlash.gap": 2.0 * half * math.sqrt(1.0 - rubs * rubs),
+            "coulomb_friction.level": stalls * self.volts,
+            "stribeck_friction.level": stalls * self.volts,
+        }
+        sizes = {place: share * whole[place] for place, share in shares.items()}
+        if "stribeck_friction.level" in shares:
+            sizes["stribeck_friction.speed"] = FALLEN * self.omega * half
+        return sizes
 
     def _compared(self, answer: Array, plain: Cell, delay: float) -> Cell:
         moved = np.interp(self.t - delay, self.t, answer)

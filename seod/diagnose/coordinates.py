@@ -21,12 +21,12 @@ PLAYING: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
 
 WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
-STIFFEST: Final = 1e3
+STIFFEST: Final = 2e3
 """Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
 DAMPED_BY_RELAY: Final = 5.0
 """Largest zeta under a relay: of more damping only the slower pole shows, and the other takes time."""
 LEAST: Final = 1e-4
-MOST: Final = 200.0
+MOST: Final = 1e3
 """Friction over the pressure that accelerates the load: most of it where a relay nearly stalls the load. Its
 logarithm is searched: along the valleys between friction and plant all change in proportion."""
 STEPS_SEEN: Final = 3.0
@@ -241,7 +241,7 @@ def _load(s: Scales) -> dict[str, Group]:
     }
     stribeck = {
         **_sized("stribeck_friction.level", LEAST * size, MOST * size),
-        **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 30.0 * s.speed),
+        **_sized("stribeck_friction.speed", max(0.05 * s.speed, 1e-4 * size), 300.0 * s.speed),
     }
     resonance = {
         **_sized("load_resonance.inertia", 1e-3, 10.0),

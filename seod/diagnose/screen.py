@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.cells import BEGUN, SHARES, cells
+from seod.diagnose.cells import BEGUN, CONTACTS, bristles, cells
 from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import WAVES, further_causes, group
 from seod.diagnose.fit import Fitted, fit, settle
@@ -50,6 +52,8 @@ PROMISING: Final = 5
 """Causes of a parent that are fitted to all windows for trying."""
 SLOWLY: Final = 20.0
 """Speed at which friction has fallen, over the typical one, where it begins as one that hardly does."""
+LITTLE: Final = 0.1
+"""Slope of that friction over the damping of the plant, at most: it drives the load."""
 SWINGS: Final = 0.3
 """Damping below which a plant's own swinging may be a disturbance."""
 FRONT: Final = 4
@@ -123,7 +127,9 @@ class Screen:
         last = max(last, FRONT)
         better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
         rubbed = [one for one in better[:last] if _plainly_rubbed(one)]
-        better += [self._falling(one) for one in sorted(rubbed, key=lambda one: one.found.cost)[:1]]
+        rubbed = sorted(rubbed, key=lambda one: one.found.cost)[:1]
+        richer = [partial(form, one) for one in rubbed for form in (self._falling, self._on_bristles)]
+        better += self.each(lambda form: form(), richer)
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
 
@@ -134,7 +140,7 @@ class Screen:
             for name in names
             if name not in but
             for start in self.starts(parent, name)
-            if not remote(start) or not (parent.model.names or (self.cells and name in SHARES))
+            if not remote(start) or not (parent.model.names or (self.cells and name in CONTACTS))
         ]
 
     def _from_cells(self, parent: Fitted, but: Sequence[str]) -> list[_Entrant]:
@@ -179,8 +185,17 @@ class Screen:
         at, ended = one.found, self.budget.trial()
         model = at.model.without("coulomb_friction").with_effect("stribeck_friction")
         values = at.model.values(at.x)
-        level, speed = values["coulomb_friction.level"], SLOWLY * model.scales.speed
+        level, speed = values["coulomb_friction.level"], model.scales.speed
+        damping = 2.0 * values["zeta"] * values["omega_n"]
+        speed = max(SLOWLY * speed, math.sqrt(2.0 * level * speed / (LITTLE * damping)))
         x = model.searched(values | {"stribeck_friction.level": level, "stribeck_friction.speed": speed})
+        return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
+
+    def _on_bristles(self, one: _Runner) -> _Runner:
+        """The same with friction borne by bristles: best perhaps where plain friction is far from it."""
+        at, ended = one.found, self.budget.trial()
+        model, values = at.model.with_effect("lugre_friction"), at.model.values(at.x)
+        x = model.searched(values | bristles(values["coulomb_friction.level"], model.scales.swing))
         return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
 
     def imitates(self, found: Fitted) -> bool:
