@@ -12,7 +12,7 @@ from seod.diagnose.begin import unchanged
 from seod.diagnose.judge import Judged, refined
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.select import as_well, least_gain
-from seod.diagnose.thin import best_delay, plainer, thinned
+from seod.diagnose.thin import best_alike, plainer, thinned
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import undivided
 
@@ -51,7 +51,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
     if best.held.adequacy > ADEQUATE:
-        best = best_delay(best, aside, screen)
+        best = best_alike(best, aside, screen)
     if best.held.adequacy > ADEQUATE:
         plain, sets = _over_whole(base.found, grown, undivided(cut), aside, screen)
         best, base, least = _least((best, *sets), screen), _least((base, plain), screen), MISFIT_GAIN

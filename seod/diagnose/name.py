@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seod.diagnose.answer import FoundEffect, Gain
-from seod.diagnose.cells import DELAYS
 from seod.diagnose.intervals import covariance, effect_parameters, p_value
 from seod.diagnose.judge import refined
 from seod.diagnose.select import as_well, least_gain
-from seod.diagnose.thin import other_delays
+from seod.diagnose.thin import alike
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -70,8 +69,7 @@ def _in_place_of(
     few, every = screen.cut, screen.every
     reach = refined(found, few, screen).cost + 2.0 * least_gain(few)
     near = [one for one in siblings if one.cost < reach]
-    if name in DELAYS:
-        near += [one for one in other_delays(found, screen) if others < {*one.model.names}]
+    near += alike(found, name, screen)
     own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [found, *near])
     good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
     return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 PLAIN: Final = {"stribeck_friction": "coulomb_friction", "load_spring": "load_bias"}
 """Effects that become another one at the end of their range: friction that does not fall within the speeds
 there are, a spring whose centre is far away."""
+BIASES: Final = frozenset({"asymmetric_gain", "load_bias"})
+"""Effects that two commands alone cannot tell apart."""
 
 
 def plainer(own: Judged, aside: Cut, screen: Screen, enough: float) -> Judged:
@@ -34,20 +36,39 @@ def plainer(own: Judged, aside: Cut, screen: Screen, enough: float) -> Judged:
     return own
 
 
-def best_delay(own: Judged, aside: Cut, screen: Screen) -> Judged:
-    """The set with whichever of the effects that delay fits best: which it is shows last of all."""
-    least = min((own.found, *other_delays(own.found, screen)), key=lambda one: one.cost)
-    return own if least is own.found else Judged.of(least, aside)
+def best_alike(own: Judged, aside: Cut, screen: Screen) -> Judged:
+    """The set with whichever of effects that act alike fits best: which it is shows last of all."""
+    found = own.found
+    others = [one for name in found.model.names for one in alike(found, name, screen)]
+    least = min((found, *others), key=lambda one: one.cost)
+    return own if least is found else Judged.of(least, aside)
 
 
-def other_delays(found: Fitted, screen: Screen) -> list[Fitted]:
-    """The set with each other effect that delays in the place of its own, fitted anew to the same windows."""
-    values, others = found.model.values(found.x), []
-    for old in sorted(DELAYS.intersection(found.model.names)):
-        for new in sorted(DELAYS.difference(found.model.names)):
-            model = found.model.without(old).with_effect(new)
-            others.append(_fitted(model, values | {f"{new}.time": values[f"{old}.time"]}, found, screen))
-    return others
+def alike(found: Fitted, name: str, screen: Screen) -> list[Fitted]:
+    """The set with each effect that acts like one of its own in that one's place, fitted to the same windows.
+
+    They are the effects that delay, and of a relay's recording a load's bias and unequal gains.
+    """
+    model, values = found.model, found.model.values(found.x)
+    return [
+        _fitted(model.without(name).with_effect(other), values | start, found, screen)
+        for other, start in _alike(model, values, name).items()
+        if other not in model.names
+    ]
+
+
+def _alike(model: Model, values: Values, name: str) -> dict[str, Values]:
+    """Effects that act like this one, each with the size at which it does."""
+    if name in DELAYS:
+        return {other: {f"{other}.time": values[f"{name}.time"]} for other in sorted(DELAYS)}
+    if name not in BIASES or not model.scales.relayed:
+        return {}
+    full = values["omega_n"] * values["K_L"] * model.scales.volts / (2.0 * values["zeta"])
+    ratio, bias = (values.get(place, 0.0) for place in ("asymmetric_gain.ratio", "load_bias.acceleration"))
+    return {
+        "asymmetric_gain": {"asymmetric_gain.ratio": -bias / full},
+        "load_bias": {"load_bias.acceleration": -ratio * full},
+    }
 
 
 def _exchanged(found: Fitted, rich: str, plain: str, screen: Screen) -> Fitted:

@@ -22,7 +22,7 @@ from seod.diagnose.rated import rated
 from seod.diagnose.screen import screen
 from seod.diagnose.simulate import inside, simulate
 from seod.diagnose.states import simulated_states
-from seod.diagnose.thin import best_delay, other_delays, plainer
+from seod.diagnose.thin import alike, best_alike, plainer
 from seod.diagnose.widen import widened
 from seod.diagnose.windows import Cut, cut, pieces, series, undivided
 from sim.parameters import parameters
@@ -147,11 +147,38 @@ def test_which_effect_delays_is_asked_again_where_all_else_is_right():
     size = {"backlash.gap": 0.05, "transport_delay.time": 0.012}
     x = model.searched({"K_L": 17.0, "omega_n": 60.0, "zeta": 0.3} | size)
     own = Judged.of(fit(model, small, x, simulated_states(model, x, small)), aside)
-    others = other_delays(own.found, screened)
+    others = alike(own.found, "transport_delay", screened)
     assert [one.model.names for one in others] == [("backlash", "sensor_lag"), ("backlash", "valve_lag")]
-    best = best_delay(own, aside, screened)
+    best = best_alike(own, aside, screened)
     assert best.found.model.names == ("backlash", "valve_lag")
-    assert best_delay(best, aside, screened) is best
+    assert best_alike(best, aside, screened) is best
+
+
+@pytest.mark.parametrize(
+    ("effect", "other"), [("load_bias", "asymmetric_gain"), ("asymmetric_gain", "load_bias")]
+)
+def test_two_commands_do_not_tell_a_bias_from_unequal_gains(effect, other):
+    truth = Plant(17.0, 60.0, 0.3, {"load_bias": {"acceleration": 200.0}})
+    t = np.arange(4000) * 1e-3
+    y, u = np.empty(4000), np.empty(4000)
+    for k in range(4000):
+        truth.advance(t[k])
+        y[k] = truth.reading(truth.w)
+        u[k] = -1.0 if y[k] > 0.0 else 1.0
+        truth.command(u[k])
+    y += np.random.default_rng(8).normal(0.0, 0.01 * np.std(y), 4000)
+    few = pieces(cut([series(recorded(t, u, y))])[0])
+    screened = screen(few, map, Budget(time.process_time, 1e6))
+    plain = replace(baseline(few, False, {}).best.model, scales=scales(baseline(few, False, {}).near, few))
+    model = plain.with_effect(effect)
+    full = 60.0 * 17.0 / 0.6
+    size = {"load_bias.acceleration": 200.0, "asymmetric_gain.ratio": -200.0 / full}
+    x = model.searched({"K_L": 17.0, "omega_n": 60.0, "zeta": 0.3} | size)
+    own = fit(model, few, x, simulated_states(model, x, few))
+    (rival,) = alike(own, effect, screened)
+    assert rival.model.names == (other,)
+    assert rival.cost == pytest.approx(own.cost, abs=0.004)
+    assert len(rival.x) == len(own.x)
 
 
 @pytest.mark.parametrize(("waves", "none"), [(1.25, True), (3.0, False)])
