@@ -165,14 +165,14 @@ def _missing(t: Array, present: Mask) -> Defect | None:
         there[np.concatenate([[0], np.cumsum(steps)])] = present
     lost = int(np.count_nonzero(~there))
     gaps = int(np.count_nonzero(np.diff(np.concatenate([[True], there]).astype(np.int8)) == -1))
-    if lost < MISSING * len(there) or gaps < 3:
+    if lost < MISSING * len(there):
         return None
     rate, length = lost / len(there), lost / gaps
-    spread = 1.96 * rate * math.sqrt((2.0 - 1.0 / length) / gaps)
-    width = 1.96 * length * math.sqrt((1.0 - 1.0 / length) / gaps)
+    spread = math.exp(1.96 * math.sqrt((2.0 - 1.0 / length) / gaps))
+    width = math.exp(1.96 * math.sqrt((1.0 - 1.0 / length) / gaps))
     ends = {
-        "rate": (max(0.0, rate - spread), min(1.0, rate + spread)),
-        "length": (max(1.0, length - width), length + width),
+        "rate": (rate / spread, min(1.0, rate * spread)),
+        "length": (max(1.0, length / width), length * width),
     }
     return _named("missing_samples", {"rate": rate, "length": length}, ends, 0.0)
 

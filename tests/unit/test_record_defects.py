@@ -88,6 +88,22 @@ def test_missing_samples_are_counted(rows_are_there):
     assert defect.parameters["rate"].value == pytest.approx(gone.mean(), rel=0.02)
 
 
+def test_one_gap_is_told_with_what_little_it_says():
+    y = noisy()
+    y[1000:1030] = np.nan
+    defect = only(examine(recording(y)))
+    assert defect.name == "missing_samples"
+    assert defect.parameters["length"].value == 30.0
+    assert inside(defect.parameters["rate"], 4.0 * 30.0 / len(T))
+    assert inside(defect.parameters["rate"], 0.25 * 30.0 / len(T))
+
+
+def test_a_single_lost_sample_is_passed_over():
+    y = noisy()
+    y[1000] = np.nan
+    assert examine(recording(y)).found == ()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_timing_jitter_is_told_from_noise_by_the_slope(seed):
     taken = jittered(T, 3e-3 / 12.0, np.random.default_rng(seed + 50))
