@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-SEARCH_S: Final = 20.0
+SEARCH_S: Final = 19.0
 """Processor time after which no further cause is tried: fits of what was found follow."""
 TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
