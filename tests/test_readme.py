@@ -41,7 +41,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 def test_the_python_client(port: int) -> None:
     (code,) = blocks("python")
     assert len(code.strip().splitlines()) == 5
-    code = code.replace("Client()", f"Client(port={port})").replace("timeout=10", "timeout=3")
+    code = code.replace("Client()", f"Client(port={port})").replace("timeout=10", "timeout=6")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert any(re.fullmatch(r"ok 0\.2\d+ 11\d\.\d+", line) for line in done.stdout.splitlines()), done.stdout
