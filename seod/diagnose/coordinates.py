@@ -201,7 +201,7 @@ def _valve(s: Scales) -> dict[str, Group]:
         **_group(
             "valve_hysteresis",
             _linear("valve_hysteresis.half_width", 0.1 * volts, 0.0, volts),
-            *((x * volts,) for x in (0.02, 0.1, 0.3)),
+            *((x * volts,) for x in (0.004, 0.02, 0.1, 0.3)),
         ),
         **_group(
             "valve_lag",
@@ -211,7 +211,7 @@ def _valve(s: Scales) -> dict[str, Group]:
         **_group(
             "valve_deadband",
             _linear("valve_deadband.half_width", 0.1 * volts, 0.0, volts),
-            *((x * volts,) for x in (0.02, 0.1, 0.3)),
+            *((x * volts,) for x in (0.004, 0.02, 0.1, 0.3)),
         ),
     }
 
