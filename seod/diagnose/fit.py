@@ -223,23 +223,12 @@ class Search:
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
-        states, sizes, record = self.model.states, self.model.state_sizes, self.model.record(x)
+        states, sizes = self.model.states, self.model.state_sizes
         ranges = np.full(len(sizes), np.inf)
-        ranges[LOOSE] = loosest(record)
+        ranges[LOOSE] = loosest(self.model.record(x))
         sizes = np.minimum(sizes, SMALL * ranges)
-        trials = []
-        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
-        for column in states:
-            moved = start.copy()
-            moved[:, column] += sizes[column]
-            if column == VELOCITY:  # a load that sticks has none: a little more would stop at once
-                moved[sticks, column] = 0.0
-            trials.append((x, moved))
         steps = np.where(x + STEP > self.high, -STEP, STEP)
-        for k in self.free:
-            other = x.copy()
-            other[k] += steps[k]
-            trials.append((other, start))
+        trials = self._trials(x, start, sizes, steps)
         others = self.each(
             lambda trial: weighted(self.model, self.cut, trial[0], trial[1], self.soft), trials
         )
@@ -257,6 +246,22 @@ class Search:
         table = Table(every, weights, self.slices)
         prior = (sizes / ranges)[states] ** 2
         return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
+
+    def _trials(self, x: Array, start: Array, sizes: Array, steps: Array) -> list[tuple[Array, Array]]:
+        """Numbers and initial states of which each one is changed: free states first, then free numbers."""
+        trials = []
+        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(self.model.record(x)[0])
+        for column in self.model.states:
+            moved = start.copy()
+            moved[:, column] += sizes[column]
+            if column == VELOCITY:  # a load that sticks has none: a little more would stop at once
+                moved[sticks, column] = 0.0
+            trials.append((x, moved))
+        for k in self.free:
+            other = x.copy()
+            other[k] += steps[k]
+            trials.append((other, start))
+        return trials
 
     def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
         """Keep windows whose looseness is at an end of its range there, where it would go beyond."""

@@ -126,10 +126,7 @@ class Screen:
         last = sum(one.found.cost < ranked[0].found.cost + NEAR for one in ranked)
         last = max(last, FRONT)
         better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
-        rubbed = [one for one in better[:last] if _plainly_rubbed(one)]
-        rubbed = sorted(rubbed, key=lambda one: one.found.cost)[:1]
-        richer = [partial(form, one) for one in rubbed for form in (self._falling, self._on_bristles)]
-        better += self.each(lambda form: form(), richer)
+        better += self._richer(better[:last])
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
 
@@ -179,6 +176,12 @@ class Screen:
         simulated = simulated_states(at.model, at.x, self.cut)
         start = best_states(at.model, at.x, self.cut, start, simulated, carried_states(at, self.cut))
         return one._replace(found=fit(at.model, self.cut, at.x, start, WHOLE, ended=ended))
+
+    def _richer(self, some: Sequence[_Runner]) -> list[_Runner]:
+        """Richer forms of friction, from the best set that has the plain one."""
+        rubbed = sorted((one for one in some if _plainly_rubbed(one)), key=lambda one: one.found.cost)
+        forms = [partial(form, one) for one in rubbed[:1] for form in (self._falling, self._on_bristles)]
+        return list(self.each(lambda form: form(), forms))
 
     def _falling(self, one: _Runner) -> _Runner:
         """The same with friction that falls with the speed; it begins as one that hardly does."""
