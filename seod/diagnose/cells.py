@@ -102,11 +102,12 @@ def bristles(level: float, half: float) -> Values:
 
 def cells(cut: Cut) -> tuple[Cell, ...]:
     """Of a relay's recording: the best plants of each kind without a delay, and the best with one."""
-    grid = _Grid(cut)
-    some = [cell for at in product(QUICKER, DAMPINGS, SHARES) for cell in grid.cells(*at)]
-    found: list[Cell] = []
-    for causes in dict.fromkeys(cell.causes for cell in some):
-        own = [cell for cell in some if cell.causes == causes]
+    grid, found = _Grid(cut), list[Cell]()
+    kinds: dict[frozenset[str], list[Cell]] = {}
+    for at in product(QUICKER, DAMPINGS, SHARES):
+        some = grid.cells(*at)
+        kinds.setdefault(some[0].causes, []).extend(some)
+    for own in kinds.values():
         found += _best(cell for cell in own if cell.delay == 0.0)[:KEPT]
         found += _best(cell for cell in own if cell.delay > 0.0)[:KEPT_LATE]
     return tuple(found)
