@@ -122,8 +122,8 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
         tick = min(0.3 / omega_n, 4e-3)
     duration = 20.0 if omega_n > 80.0 else 30.0
     latency = float(random.choice([0.0, 0.0, 3e-4]))
-    if "timing_jitter" in causes:  # a command follows from a sample that may be late
-        latency = 0.5 * tick
+    if "timing_jitter" in causes:  # a command follows from a sample, late as that may be
+        latency = tick
     kind_of_drive = excitation or str(random.choice(EXCITATIONS))
     volts = float(np.exp(random.uniform(-1.0, 1.0)))
     return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
@@ -227,14 +227,16 @@ def run(case: Case, noise=None):
     t = case.t
     random = np.random.default_rng([case.number, 1])
     drive = make_drive(case.excitation, case.rig, t, case.volts, random, case.hysteresis)
-    seen_at = None
-    if "jitter" in case.defects:
-        random = np.random.default_rng([case.number, 2])
-        seen_at = np.maximum.accumulate(
-            np.maximum(t + random.normal(0.0, case.defects["jitter"], len(t)), 0.0)
-        )
     gusts = _gusts(case) if "gusts" in case.rig.effects else None
-    return simulate(case.rig, t, drive, noise, supply_of(case), gusts, case.latency, seen_at)
+    return simulate(case.rig, t, drive, noise, supply_of(case), gusts, case.latency, seen_at(case))
+
+
+def seen_at(case: Case):
+    """When samples are really taken; None: when the record says."""
+    if "jitter" not in case.defects:
+        return None
+    late = np.random.default_rng([case.number, 2]).normal(0.0, case.defects["jitter"], len(case.t))
+    return np.maximum.accumulate(np.maximum(case.t + late, 0.0))
 
 
 def _gusts(case: Case):

@@ -1,12 +1,13 @@
 """The generator of hidden effects, held against the plant of `plant_truth` and closed forms."""
 
 import json
+from dataclasses import replace
 
 import hidden_rig
 import numpy as np
 import pytest
 from hidden_baseline import best_baseline
-from hidden_cases import Invisible, draw, run
+from hidden_cases import MOST_JITTER, Invisible, draw, run, seen_at
 from hidden_drives import EXCITATIONS
 from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_records import make_record, write
@@ -183,3 +184,11 @@ def test_the_file_holds_the_record_with_its_defects(tmp_path, cause):
     header = (tmp_path / "run.csv").read_text().splitlines()[0]
     assert json.dumps(case.causes) not in header
     assert set(header.split(",")) <= {"t", "u", "y", "t_u", "ps"}
+
+
+def test_hardly_a_sample_is_taken_after_the_command_that_follows_from_it():
+    """Else the command leaves later than the record says, which then has a second defect."""
+    case = draw(7, "one", ("timing_jitter",), "relay", duration=2.0)
+    worst = replace(case, duration=20.0, defects={"jitter": MOST_JITTER * case.tick})
+    assert np.mean(seen_at(worst) > worst.t + worst.latency) < 0.005
+    assert np.std(seen_at(worst) - worst.t) > 0.2 * worst.tick
