@@ -76,14 +76,13 @@ def parameters(
     Raises:
         ValueError: Something is unknown or out of its range; every such place is named.
     """
-    record = np.zeros(1, PARAMETERS)
-    values = {**BASE, **nulls(), **base, "K_L": K_L, "omega_n": omega_n, "zeta": zeta}
+    values = {**_NULLS, **base, "K_L": K_L, "omega_n": omega_n, "zeta": zeta}
     values.update(_chosen(effects or {}))
-    for name in SLOTS[:-2]:
-        record[name] = values.pop(name)
-    if values:
-        raise ValueError(f"unknown: {', '.join(values)}; there are {', '.join(BASE)}")
-    record["substep"], record["shortest"] = accuracy / fastest_rate(record), shortest
+    if len(values) > len(_NULLS):
+        unknown = [name for name in values if name not in _NULLS]
+        raise ValueError(f"unknown: {', '.join(unknown)}; there are {', '.join(BASE)}")
+    record = np.array([*values.values(), 0.0, shortest]).view(PARAMETERS)
+    record["substep"] = accuracy / fastest_rate(record)
     return record
 
 
@@ -104,6 +103,9 @@ def plant_parameters(plant: PlantConfig) -> npt.NDArray[np.void]:
 def nulls() -> dict[str, float]:
     """Null value of each effect's parameters by slot."""
     return {f"{e.name}_{each.name}": each.null for e in EFFECTS.values() for each in e.parameters}
+
+
+_NULLS = {**BASE, **nulls()}
 
 
 def vector(record: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:

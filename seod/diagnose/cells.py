@@ -126,7 +126,8 @@ class _Grid:
     def __init__(self, cut: Cut) -> None:
         k, first, last = cut.windows[0]
         self.one: Series = cut.series[k]
-        cycle = self.one.period_s / self.one.tick
+        self.tick = self.one.tick
+        cycle = self.one.period_s / self.tick
         begin = max(0, first - round(BEFORE * cycle))
         end = min(last, first + round(PIECES * LONG * cycle))
         edges = np.linspace(first - begin, end - begin, PIECES + 1).astype(int).tolist()
@@ -134,6 +135,7 @@ class _Grid:
         self.cut = Cut([self.one], ((0, begin, end),))
         self.t, self.good = self.one.t[begin:end], self.one.good[begin:end]
         self.omega = 2.0 * math.pi / self.one.period_s
+        self.delays = [late * self.one.period_s for late in (0.0, *LATE)]
         self.volts = float(np.max(np.abs(self.one.u)))
         self.lines = [self._line(rows) for rows in self.pieces]
         self.seen = [self._about(self.one.y[begin:end], w) for w in range(PIECES)]
@@ -148,12 +150,12 @@ class _Grid:
             omega_n,
             zeta,
             grouped(sizes),
-            accuracy=tolerance(omega_n, zeta, self.one.tick),
+            accuracy=tolerance(omega_n, zeta, self.tick),
             measures_speed=float(self.one.sees_speed),
         )
         answer = simulate(record, self.cut, np.zeros((1, STATES)))
         plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, sizes)
-        return [self._compared(answer, plain, late * 2.0 * math.pi / self.omega) for late in (0.0, *LATE)]
+        return self._compared(answer, plain)
 
     def _half(self, omega_n: float, zeta: float) -> float:
         """Half of the limit cycle's swing without friction or play."""
@@ -174,13 +176,20 @@ class _Grid:
             sizes["stribeck_friction.speed"] = FALLEN * self.omega * half
         return sizes
 
-    def _compared(self, answer: Array, plain: Cell, delay: float) -> Cell:
-        moved = np.interp(self.t - delay, self.t, answer)
+    def _compared(self, answer: Array, plain: Cell) -> list[Cell]:
+        """The plant without and with each delay: what is left of each piece at the gain that fits best."""
+        moved = np.stack([np.interp(self.t - delay, self.t, answer) for delay in self.delays])
         pairs = [(self.seen[w], self._about(moved, w)) for w in range(PIECES)]
-        K_L = sum(float(a @ b) for a, b in pairs) / max(sum(float(b @ b) for _, b in pairs), 1e-300)
-        left = [float(np.mean((a - K_L * b) ** 2)) for a, b in pairs]
-        cost = float(np.mean(np.log(np.maximum(left, 1e-300))))
-        cost = cost if math.isfinite(cost) and K_L != 0.0 else math.inf
+        size = sum(np.sum(b * b, axis=1) for _, b in pairs)
+        gains = sum(b @ a for a, b in pairs) / np.maximum(size, 1e-300)
+        left = np.stack([np.mean((a - gains[:, None] * b) ** 2, axis=1) for a, b in pairs])
+        costs = np.mean(np.log(np.maximum(left, 1e-300)), axis=0)
+        costs = np.where(np.isfinite(costs) & (gains != 0.0), costs, math.inf)
+        return [
+            self._sized(plain, *at) for at in zip(costs.tolist(), gains.tolist(), self.delays, strict=True)
+        ]
+
+    def _sized(self, plain: Cell, cost: float, K_L: float, delay: float) -> Cell:
         size = abs(K_L)
         sizes = {of: size * value for of, value in plain.sizes.items()}
         return plain._replace(cost=cost, K_L=K_L, delay=delay, half=size * plain.half, sizes=sizes)
@@ -192,6 +201,7 @@ class _Grid:
         return np.asarray(np.linalg.qr(columns[:, : 1 if self.one.sees_speed else 2])[0])
 
     def _about(self, y: Array, w: int) -> Array:
+        """What a piece has beside what an initial state may add; `y` of shape (..., n)."""
         rows = self.pieces[w]
-        own = y[rows][self.good[rows]]
-        return np.asarray(own - self.lines[w] @ (self.lines[w].T @ own))
+        own = y[..., rows][..., self.good[rows]]
+        return np.asarray(own - (own @ self.lines[w]) @ self.lines[w].T)

@@ -22,6 +22,8 @@ from sim.physics import dry_friction
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from numpy.typing import NDArray
+
     from seod.diagnose.answer import Array, Mask
     from seod.diagnose.model import Model
 
@@ -120,6 +122,7 @@ class Search:
         low, high = model.bounds
         self.low, self.high = low, high
         self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
+        self._last: tuple[Array, NDArray[np.void]] | None = None
 
     def run(self, x: Array, start: Array, most: int, ended: Callable[[], bool] = lambda: False) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
@@ -129,8 +132,8 @@ class Search:
         for _ in range(most):
             if ended():
                 break
-            if jumps(self.model.record(at.x)):
-                self.soft = softness(self.model.record(at.x), self.cut, at.start)
+            if jumps(self.record(at.x)):
+                self.soft = softness(self.record(at.x), self.cut, at.start)
                 at = Place(at.x, at.start, *self.tried(at.x, at.start))
             before = self.cost(at.error)
             parts = self.derivatives(*at)
@@ -192,9 +195,15 @@ class Search:
         """Mean log error."""
         return float(self.count @ np.log(error + self.floor)) / float(self.count.sum())
 
+    def record(self, x: Array) -> NDArray[np.void]:
+        """The kernel's parameters; those asked for last are kept."""
+        if self._last is None or not np.array_equal(x, self._last[0]):
+            self._last = x.copy(), self.model.record(x)
+        return self._last[1]
+
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
-        residual = np.where(self.good, weighted(self.model, self.cut, x, start, self.soft), 0.0)
+        residual = np.where(self.good, _weighted(self.record(x), self.cut, start, self.soft), 0.0)
         square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
@@ -218,20 +227,18 @@ class Search:
     def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
         """Initial states after a part of their step, with residual and errors."""
         new = start + part * states
-        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.model.record(x)))
+        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.record(x)))
         return new, *self.tried(x, new)
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
         states, sizes = self.model.states, self.model.state_sizes
         ranges = np.full(len(sizes), np.inf)
-        ranges[LOOSE] = loosest(self.model.record(x))
+        ranges[LOOSE] = loosest(self.record(x))
         sizes = np.minimum(sizes, SMALL * ranges)
         steps = np.where(x + STEP > self.high, -STEP, STEP)
         trials = self._trials(x, start, sizes, steps)
-        others = self.each(
-            lambda trial: weighted(self.model, self.cut, trial[0], trial[1], self.soft), trials
-        )
+        others = self.each(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
         divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
         columns = [
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
@@ -247,20 +254,22 @@ class Search:
         prior = (sizes / ranges)[states] ** 2
         return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
 
-    def _trials(self, x: Array, start: Array, sizes: Array, steps: Array) -> list[tuple[Array, Array]]:
-        """Numbers and initial states of which each one is changed: free states first, then free numbers."""
-        trials = []
-        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(self.model.record(x)[0])
+    def _trials(
+        self, x: Array, start: Array, sizes: Array, steps: Array
+    ) -> list[tuple[NDArray[np.void], Array]]:
+        """Plants and initial states of which each one is changed: free states first, then free numbers."""
+        record, trials = self.record(x), []
+        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
         for column in self.model.states:
             moved = start.copy()
             moved[:, column] += sizes[column]
             if column == VELOCITY:  # a load that sticks has none: a little more would stop at once
                 moved[sticks, column] = 0.0
-            trials.append((x, moved))
+            trials.append((record, moved))
         for k in self.free:
             other = x.copy()
             other[k] += steps[k]
-            trials.append((other, start))
+            trials.append((self.model.record(other), start))
         return trials
 
     def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
@@ -284,13 +293,18 @@ def least_square(cut: Cut) -> Array:
     return np.asarray((np.where(some, 0.5, 1e-3) * cut.noise) ** 2 + 1e-300)
 
 
-def weighted(model: Model, cut: Cut, x: Array, start: Array, soft: Softness | None = None) -> Array:
+def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
     """Residual, less where the reading jumps; shape (n,). Its square is finite."""
+    return _weighted(model.record(x), cut, start, None)
+
+
+def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness | None) -> Array:
     ramp, level = soft or Softness.least(cut)
-    seen, more = smooth(model.record(x), cut, start, ramp)
+    seen, more = smooth(record, cut, start, ramp)
     residual = beyond(cut.gathered("y") - seen, cut.slack)
-    residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
-    return np.clip(np.nan_to_num(residual, nan=1e100), -1e100, 1e100)
+    if more.any():
+        residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
+    return np.fmin(np.fmax(residual, -1e100), 1e100)  # of what is no number, one of them
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:

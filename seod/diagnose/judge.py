@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
 from seod.diagnose.fit import Fitted, fit
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from seod.diagnose.windows import Cut
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Judged:
     """A set of effects fitted to all windows, and its simulation of those held out."""
 
@@ -27,7 +28,7 @@ class Judged:
         """A fitted set, simulated where no fit has seen."""
         return cls(found, held_out(found.model, found.x, aside, *_known(found, aside)))
 
-    @property
+    @cached_property
     def whole(self) -> float:
         """NRMSE of one simulation of each whole recording."""
         return wholes(self.found.model, self.found.x, self.held.cut)[1]

@@ -12,7 +12,7 @@ from plant_truth import PLACE, Plant
 
 from seod.data import Recording
 from seod.diagnose.coarse import beyond, noise_beneath, readings
-from seod.diagnose.contact import Softness, contacts, smooth
+from seod.diagnose.contact import contacts, smooth
 from seod.diagnose.coordinates import STIFFEST, Scales, further_causes
 from seod.diagnose.fit import fit, settle, weighted
 from seod.diagnose.intervals import covariance, effect_parameters
@@ -112,7 +112,7 @@ def test_beside_a_jump_an_error_counts_less_and_elsewhere_in_full():
     x = model.searched(TRUTH | {"backlash.gap": 0.03})
     record = model.record(x)
     seen, more = smooth(record, whole, start, 1.0)
-    error = weighted(model, whole, x, start, Softness.least(whole))
+    error = weighted(model, whole, x, start)
     plain = one.y - seen
     assert np.array_equal(error[more == 0.0], plain[more == 0.0])
     beside = more > 0.0
