@@ -23,12 +23,16 @@ WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
 STIFFEST: Final = 2e3
 """Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
+FASTEST: Final = 1.25
+"""Natural frequency times the sampling interval, at most: samples show three of a cycle."""
 DAMPED_BY_RELAY: Final = 5.0
 """Largest zeta under a relay: of more damping only the slower pole shows, and the other takes time."""
 LEAST: Final = 1e-4
 MOST: Final = 1e3
 """Friction over the pressure that accelerates the load: most of it where a relay nearly stalls the load. Its
 logarithm is searched: along the valleys between friction and plant all change in proportion."""
+SHORTEST_LAG: Final = 0.1
+"""Over the sampling interval, at least."""
 STEPS_SEEN: Final = 3.0
 """Of a coarse sensor to a wave, at least: the waves of its rounding are as long as a step, or parts of it."""
 GAINS: Final = {"valve_deadband", "valve_hysteresis", "valve_saturation"}
@@ -126,7 +130,7 @@ def base(sign: float, scales: Scales) -> tuple[Coordinate, ...]:
     """K_L, which has this sign, omega_n and zeta."""
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, scales.slowest, 0.8 / scales.tick_s),
+        Coordinate("omega_n", 1.0, scales.slowest, FASTEST / scales.tick_s),
         Coordinate("zeta", 1.0, 1e-3, scales.damped),
     )
 
@@ -186,7 +190,6 @@ def _signed(place: str, scale: float, limit: float) -> dict[str, Coordinate]:
 
 def _valve(s: Scales) -> dict[str, Group]:
     volts, tau = s.volts, 1.0 / s.omega_n
-    shortest = 0.02 * s.tick_s
     return {
         **_group(
             "transport_delay",
@@ -205,7 +208,7 @@ def _valve(s: Scales) -> dict[str, Group]:
         ),
         **_group(
             "valve_lag",
-            _linear("valve_lag.time", tau, max(shortest, 1e-5), 0.1),
+            _linear("valve_lag.time", tau, _shortest(s), 0.1),
             *((min(x * tau, 0.05),) for x in (0.1, 0.5)),
         ),
         **_group(
@@ -214,6 +217,11 @@ def _valve(s: Scales) -> dict[str, Group]:
             *((x * volts,) for x in (0.004, 0.02, 0.1, 0.3)),
         ),
     }
+
+
+def _shortest(s: Scales) -> float:
+    """Of a lag [s]: a shorter one does not show in the samples, and asks for many substeps."""
+    return max(SHORTEST_LAG * s.tick_s, 1e-5)
 
 
 def _flow(s: Scales) -> dict[str, Group]:
@@ -285,7 +293,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
     return {
         "backlash": _far(
             PLAYING,
-            _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 2.0 * s.swing),
+            _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 3.0 * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
         **_group(
@@ -294,7 +302,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
         ),
         **_group(
             "sensor_lag",
-            _linear("sensor_lag.time", 1.0 / s.omega_n, max(0.02 * s.tick_s, 1e-5), 0.1),
+            _linear("sensor_lag.time", 1.0 / s.omega_n, _shortest(s), 0.1),
             *((min(x / s.omega_n, 0.05),) for x in (0.1, 0.5)),
         ),
     }

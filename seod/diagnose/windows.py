@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.coarse import readings
@@ -40,6 +41,10 @@ LEVELS: Final = 4
 ENOUGH: Final = 50
 """Samples of a limit cycle by which it is tried what it may come from."""
 _LEAST_SAMPLES: Final = 200
+_MOSTLY: Final = 0.9
+"""Part of the samples that others have to tell."""
+_BETWEEN: Final = 3.0
+"""Error with which they do, over the noise: both have some."""
 _FINEST: Final = 1 << 15
 
 
@@ -338,4 +343,19 @@ def sparse(whole: Cut) -> Cut:
 
 
 def _stride(one: Series) -> int:
-    return max(1, int(one.period_s / (ENOUGH * one.tick))) if one.relayed else 1
+    """Samples of a relay's recording of which one is enough: between them the others are as they were.
+
+    A limit cycle is smooth; what swings after each switch of slow commands is not.
+    """
+    stride = max(1, int(one.period_s / (ENOUGH * one.tick))) if one.relayed else 1
+    while stride > 1 and not _smooth(one, stride):
+        stride //= 2
+    return stride
+
+
+def _smooth(one: Series, stride: int) -> bool:
+    """Whether every so manieth sample tells the others, but for noise."""
+    rows = np.flatnonzero(one.good)
+    kept = rows[::stride]
+    error = np.abs(one.y[rows] - CubicSpline(one.t[kept], one.y[kept])(one.t[rows]))
+    return float(np.quantile(error, _MOSTLY)) < _BETWEEN * one.noise + one.slack
