@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-SEARCH_S: Final = 19.0
-"""Processor time after which no further cause is tried: fits of what was found follow."""
+SEARCH_S: Final = 17.0
+"""Processor time after which no further cause is tried, of a long recording; fits of the best follow."""
+FURTHER_S: Final = 13.0
+"""The same that a short one may use beyond: what follows takes less."""
+LONG: Final = 120_000
+"""Samples of a long recording."""
 TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
-LAST_FIT: Final = 0.1
-"""Likewise of a fit to all windows."""
-LOOKING: Final = 0.45
+LAST_FIT: Final = 0.11
+"""Likewise of a fit to all windows that follows the search."""
+LOOKING: Final = 0.4
 """Likewise of a look at many sets."""
+
+
+def further_s(rows: int) -> float:
+    """What a search in so many samples may use beyond that of a long recording [s]."""
+    return FURTHER_S * (1.0 - min(1.0, rows / LONG))
 
 
 @dataclass
@@ -24,12 +33,14 @@ class Budget:
 
     Attributes:
         clock: Tells what was used so far [s].
-        seconds: That may be used.
+        seconds: That may be used; what follows the search has parts of it.
+        further: That the search may use beyond.
         missed: A part of the search was left out for it.
     """
 
     clock: Callable[[], float]
     seconds: float = SEARCH_S
+    further: float = 0.0
     missed: bool = False
     _begin: float = field(init=False)
 
@@ -37,31 +48,47 @@ class Budget:
         self._begin = self.clock()
 
     @property
+    def total(self) -> float:
+        """That the search may use."""
+        return self.seconds + self.further
+
+    @property
     def spent(self) -> bool:
         """Nothing is left; whoever asks leaves out what it was about to do."""
-        over = self.clock() - self._begin > self.seconds
+        over = self.clock() - self._begin > self.total
         self.missed |= over
         return over
 
     def trial(self, part: float = TRIAL) -> Callable[[], bool]:
         """Tells when one trial has had its part, or nothing is left at all."""
-        over = self._after(part)
+        over = self._after(part * self.total)
         return lambda: over() or self.spent
+
+    def share(self, part: float) -> Callable[[], bool]:
+        """Tells when this part of what is left now was used; what is left out then, is missed."""
+        over = self._after(part * (self._begin + self.total - self.clock()))
+
+        def told() -> bool:
+            ended = over()
+            self.missed |= ended
+            return ended
+
+        return told
 
     def glance(self) -> Callable[[], bool]:
         """Tells when a trial has had its part that follows the search."""
-        return self._after(TRIAL)
+        return self._after(TRIAL * self.seconds)
 
     def last_fit(self) -> Callable[[], bool]:
         """Tells when one fit of what was found has had its part; such fits follow the search."""
-        return self._after(LAST_FIT)
+        return self._after(LAST_FIT * self.seconds)
 
     def looking(self) -> Callable[[], bool]:
         """Tells when no further set is simulated where no fit has seen."""
-        return self._after(LOOKING)
+        return self._after(LOOKING * self.seconds)
 
-    def _after(self, part: float) -> Callable[[], bool]:
-        end = self.clock() + part * self.seconds
+    def _after(self, seconds: float) -> Callable[[], bool]:
+        end = self.clock() + seconds
         return lambda: self.clock() > end
 
     @property
@@ -70,6 +97,6 @@ class Budget:
         if not self.missed:
             return ()
         return (
-            f"the search ended after {self.seconds:.0f} s of processor time: not all sets of causes "
+            f"the search ended after {self.total:.0f} s of processor time: not all sets of causes "
             "were tried. A shorter or more slowly sampled recording takes less",
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import Begun, baseline, scales
-from seod.diagnose.budget import SEARCH_S, Budget
+from seod.diagnose.budget import Budget, further_s
 from seod.diagnose.choose import choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
@@ -54,13 +54,13 @@ class Options:
         output: What `y` is.
         config: The rig whose model is the baseline; None: Eq. 1.
         axis: Of that rig; None: its first.
-        search_s: Processor time after which no further cause is tried [s].
+        search_s: Processor time after which no further cause is tried [s]; None: by the recordings' length.
     """
 
     output: Output = "position"
     config: RigConfig | None = None
     axis: str | None = None
-    search_s: float = SEARCH_S
+    search_s: float | None = None
 
 
 def diagnose(
@@ -83,7 +83,9 @@ def diagnose(
         DiagnoseError: A recording tells nothing.
     """
     wishes = options or Options()
-    sees_speed, budget = wishes.output == "velocity", Budget(clock, wishes.search_s)
+    sees_speed = wishes.output == "velocity"
+    rows = sum(len(each.t) for each in recordings)
+    budget = Budget(clock, wishes.search_s) if wishes.search_s else Budget(clock, further=further_s(rows))
     rig = rated(wishes.config, wishes.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
     every = [

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 Values = dict[str, float]
 """By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
 
+RICHER_FRICTION: Final = frozenset({"stribeck_friction", "lugre_friction"})
+"""Effects that contain plain friction, or bear it."""
 HELD: Final = ({"*K_L": 2.0, "*zeta": 0.5}, {"*K_L": 2.0, "*zeta": 2.0})
 """Factors where a baseline took friction for little gain: damped little, and much."""
 PLAYING: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
@@ -24,7 +26,7 @@ WAVES_SEEN: Final = 1.25
 STIFFEST: Final = 2e3
 """Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
 FASTEST: Final = 1.25
-"""Natural frequency times the sampling interval, at most: samples show three of a cycle."""
+"""Natural frequency times the sampling interval, at most: samples show five of a cycle."""
 DAMPED_BY_RELAY: Final = 5.0
 """Largest zeta under a relay: of more damping only the slower pole shows, and the other takes time."""
 LEAST: Final = 1e-4
@@ -168,6 +170,12 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
     """What can be added to a set: effects that it lacks; bristles only beside the friction that they bear."""
     bristles = ["lugre_friction"] if "coulomb_friction" in names else []
     return [each for each in (*searched_causes(scales), *bristles) if each not in names]
+
+
+def plain_form(names: Collection[str]) -> frozenset[str]:
+    """A set with plain friction in the place of richer forms of it."""
+    others = frozenset(names) - RICHER_FRICTION
+    return others if len(others) == len(names) else others | {"coulomb_friction"}
 
 
 def _group(name: str, coordinates: Mapping[str, Coordinate], *starts: tuple[float, ...]) -> dict[str, Group]:
@@ -334,3 +342,14 @@ def _wave(name: str, scale: float, narrow: float, low: float, high: float) -> di
         **_signed(f"{name}.sine", scale, 0.7 * largest),
         number: Coordinate(number, narrow, low, high, logarithm=False),
     }
+
+
+def remote(start: Values) -> bool:
+    """Whether a start is far from the parent's own plant."""
+    return not {"*K_L", "K_L"}.isdisjoint(start)
+
+
+def begun_from(values: Values, start: Values) -> Values:
+    """A parent's parameters with those of a start, and its factors."""
+    factors = {place: start.get(f"*{place}", 1.0) for place in values}
+    return {place: value * factors[place] for place, value in values.items()} | start

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.ahead import Ahead
 from seod.diagnose.cells import BEGUN, CONTACTS, bristles, cells
 from seod.diagnose.command_period import in_step
-from seod.diagnose.coordinates import WAVES, further_causes, group
+from seod.diagnose.coordinates import RICHER_FRICTION, WAVES, begun_from, further_causes, group, remote
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.simulate import inside
 from seod.diagnose.states import best_states, carried_states, simulated_states
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 
 PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
+GLANCING: Final = 0.6
+"""Of the time that is left when a race begins, what its glances may use."""
+FIRST: Final = 12
+"""Starts whose promise is believed before others are tried."""
 SCREENED_S: Final = 6.0
 """Of windows on which the better causes are fitted."""
 GLANCE: Final = 2
@@ -56,12 +61,14 @@ LITTLE: Final = 0.1
 """Slope of that friction over the damping of the plant, at most: it drives the load."""
 SWINGS: Final = 0.3
 """Damping below which a plant's own swinging may be a disturbance."""
+APART: Final = 0.3
+"""Difference of the logarithm of omega_n or zeta from which on plants are others."""
 FRONT: Final = 4
 NEAR: Final = 1.0
 """Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
 
 
-class _Entrant(NamedTuple):
+class Entrant(NamedTuple):
     """An effect more for a parent, from this start."""
 
     parent: Fitted
@@ -69,7 +76,7 @@ class _Entrant(NamedTuple):
     start: Values
 
 
-class _Runner(NamedTuple):
+class Runner(NamedTuple):
     """An effect more for a parent, as far as it was fitted."""
 
     parent: Fitted
@@ -119,7 +126,10 @@ class Screen:
         alike = {parent.model.names: parent for parent in reversed(parents)}
         begun = [each for parent in alike.values() for each in self._from_cells(parent, but)]
         begun += [each for parent in parents for each in self._entrants(parent, but)]
-        seen = _best_starts(one for one in self.each(self._glanced, begun) if one is not None)
+        begun = self.promising(begun)
+        over = self.budget.share(GLANCING)
+        glanced = self.each(lambda one: None if over() else self._glanced(one), begun)
+        seen = best_starts(one for one in glanced if one is not None)
         seen = list(self.each(lambda one: self._on(one, LOOK), _front(parents, seen, CAUSES)))
         whole = list(self.each(self._whole, _front(parents, seen, PROMISING)))
         ranked = sorted(whole, key=lambda one: one.found.cost)
@@ -130,17 +140,17 @@ class Screen:
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
 
-    def _entrants(self, parent: Fitted, but: Sequence[str]) -> list[_Entrant]:
+    def _entrants(self, parent: Fitted, but: Sequence[str]) -> list[Entrant]:
         names = further_causes(parent.model.scales, parent.model.names)
         return [
-            _Entrant(parent, name, start)
+            Entrant(parent, name, start)
             for name in names
             if name not in but
             for start in self.starts(parent, name)
             if not remote(start) or not (parent.model.names or (self.cells and name in CONTACTS))
         ]
 
-    def _from_cells(self, parent: Fitted, but: Sequence[str]) -> list[_Entrant]:
+    def _from_cells(self, parent: Fitted, but: Sequence[str]) -> list[Entrant]:
         """Plants of the grid for sets that they are starts of."""
         model, begun = parent.model, []
         for name in further_causes(model.scales, model.names):
@@ -149,27 +159,45 @@ class Screen:
                 some = [
                     one for one in self.cells if one.K_L * sign > 0.0 and one.begins({*model.names, name})
                 ]
-                begun += [_Entrant(parent, name, own | one.values()) for one in some]
+                begun += [Entrant(parent, name, own | one.values()) for one in some]
         return begun
 
-    def _glanced(self, one: _Entrant) -> _Runner | None:
-        """After a few steps on few windows; None where no time is left."""
-        if self.budget.spent:
-            return None
+    def promising(self, some: Iterable[Entrant]) -> list[Entrant]:
+        """Those that promise the least cost first, few of them before starts far away: these promise none."""
+        far, near = list[Entrant](), list[Entrant]()
+        for one in some:
+            (far if remote(one.start) else near).append(one)
+        parents = {id(one.parent): one.parent for one in near}
+        ahead = {which: Ahead(self._on_few(parent)) for which, parent in parents.items()}
+
+        def cost(one: Entrant) -> float:
+            return one.parent.cost - ahead[id(one.parent)].promise(one.name, one.start).saves
+
+        ranked = sorted(zip(self.each(cost, near), range(len(near)), strict=True))
+        near = [near[k] for _, k in ranked]
+        return near[:FIRST] + far + near[FIRST:]
+
+    def _on_few(self, parent: Fitted) -> Fitted:
+        """A parent on the windows on which every start is tried."""
+        few = list(self.few)
+        return replace(parent, cut=self.cut.only(self.few), start=parent.start[few], error=parent.error[few])
+
+    def _glanced(self, one: Entrant) -> Runner:
+        """After a few steps on few windows."""
         parent, few = one.parent, self.cut.only(self.few)
         model = parent.model.with_effect(one.name)
         x = model.searched(begun_from(parent.model.values(parent.x), one.start))
         most, start = GLANCE, parent.start[list(self.few)]
         if remote(one.start):
             most, start = FAR, best_states(model, x, few, start, simulated_states(model, x, few))
-        return _Runner(parent, one.name, fit(model, few, x, start, most, ended=self.budget.trial(QUICK)))
+        return Runner(parent, one.name, fit(model, few, x, start, most, ended=self.budget.trial(QUICK)))
 
-    def _on(self, one: _Runner, most: int) -> _Runner:
+    def _on(self, one: Runner, most: int) -> Runner:
         """So many steps more where it is."""
         at, ended = one.found, self.budget.trial(most * QUICK / LOOK)
         return one._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
 
-    def _whole(self, one: _Runner) -> _Runner:
+    def _whole(self, one: Runner) -> Runner:
         """On all windows for trying."""
         at, start, ended = one.found, one.parent.start.copy(), self.budget.trial()
         start[list(self.few)] = at.start
@@ -177,13 +205,13 @@ class Screen:
         start = best_states(at.model, at.x, self.cut, start, simulated, carried_states(at, self.cut))
         return one._replace(found=fit(at.model, self.cut, at.x, start, WHOLE, ended=ended))
 
-    def _richer(self, some: Sequence[_Runner]) -> list[_Runner]:
+    def _richer(self, some: Sequence[Runner]) -> list[Runner]:
         """Richer forms of friction, from the best set that has the plain one."""
         rubbed = sorted((one for one in some if _plainly_rubbed(one)), key=lambda one: one.found.cost)
         forms = [partial(form, one) for one in rubbed[:1] for form in (self._falling, self._on_bristles)]
         return list(self.each(lambda form: form(), forms))
 
-    def _falling(self, one: _Runner) -> _Runner:
+    def _falling(self, one: Runner) -> Runner:
         """The same with friction that falls with the speed; it begins as one that hardly does."""
         at, ended = one.found, self.budget.trial()
         model = at.model.without("coulomb_friction").with_effect("stribeck_friction")
@@ -194,7 +222,7 @@ class Screen:
         x = model.searched(values | {"stribeck_friction.level": level, "stribeck_friction.speed": speed})
         return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
 
-    def _on_bristles(self, one: _Runner) -> _Runner:
+    def _on_bristles(self, one: Runner) -> Runner:
         """The same with friction borne by bristles: best perhaps where plain friction is far from it."""
         at, ended = one.found, self.budget.trial()
         model, values = at.model.with_effect("lugre_friction"), at.model.values(at.x)
@@ -242,37 +270,37 @@ class Screen:
         return lines(name, cut, residual, states[:, 2], speed)
 
 
-def _plainly_rubbed(one: _Runner) -> bool:
+def _plainly_rubbed(one: Runner) -> bool:
     """Whether friction was added that is the same at all speeds."""
     names = one.found.model.names
-    return "coulomb_friction" in names and not {"stribeck_friction", "lugre_friction"} & {*names}
+    return "coulomb_friction" in names and RICHER_FRICTION.isdisjoint(names)
 
 
-def _best_starts(some: Iterable[_Runner]) -> list[_Runner]:
-    """Of each parent's every cause the one that came farthest."""
-    best: dict[tuple[int, str], _Runner] = {}
-    for one in some:
-        key = id(one.parent), one.name
-        if key not in best or one.found.cost < best[key].found.cost:
-            best[key] = one
-    return list(best.values())
+def best_starts(some: Iterable[Runner]) -> list[Runner]:
+    """Of each parent's every cause the one that came farthest, of a contact also from another plant."""
+    best: dict[tuple[int, str], list[Runner]] = {}
+    for one in sorted(some, key=lambda one: one.found.cost):
+        kept = best.setdefault((id(one.parent), one.name), [])
+        if not kept or (len(kept) == 1 and one.name in CONTACTS and elsewhere(one.found, kept[0].found)):
+            kept.append(one)
+    return [one for kept in best.values() for one in kept]
 
 
-def _front(parents: Sequence[Fitted], some: Sequence[_Runner], most: int) -> list[_Runner]:
-    """So many of each parent's, the best."""
-    ranked = sorted(some, key=lambda one: one.found.cost)
-    return [one for parent in parents for one in [o for o in ranked if o.parent is parent][:most]]
+def elsewhere(one: Fitted, other: Fitted) -> bool:
+    """Whether a fit that is not much worse than another of the same effects has another plant."""
+    own, others = one.model.values(one.x), other.model.values(other.x)
+    apart = max(abs(math.log(own[of] / others[of])) for of in ("omega_n", "zeta"))
+    return one.cost < other.cost + NEAR and apart > APART
 
 
-def remote(start: Values) -> bool:
-    """Whether a start is far from the parent's own plant."""
-    return not {"*K_L", "K_L"}.isdisjoint(start)
-
-
-def begun_from(values: Values, start: Values) -> Values:
-    """A parent's parameters with those of a start, and its factors."""
-    factors = {place: start.get(f"*{place}", 1.0) for place in values}
-    return {place: value * factors[place] for place, value in values.items()} | start
+def _front(parents: Sequence[Fitted], some: Sequence[Runner], most: int) -> list[Runner]:
+    """So many of each parent's causes, the best."""
+    ranked, out = sorted(some, key=lambda one: one.found.cost), []
+    for parent in parents:
+        own = [one for one in ranked if one.parent is parent]
+        names = list(dict.fromkeys(one.name for one in own))[:most]
+        out += [one for one in own if one.name in names]
+    return out
 
 
 def screen(every: Cut, each: Each, budget: Budget) -> Screen:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from seod.diagnose.coordinates import plain_form
+from seod.diagnose.screen import elsewhere
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -16,6 +20,8 @@ if TYPE_CHECKING:
 
 BEAM: Final = 3
 """Sets that are kept."""
+SECOND: Final = 2
+"""Second plants of them that are kept too."""
 MOST: Final = 4
 """Effects in a set."""
 GAIN: Final = 0.02
@@ -24,6 +30,8 @@ COARSE_GAIN: Final = 1.0
 """The same of a coarse sensor, whose noise is not known."""
 AS_WELL: Final = 0.2
 """Part of what an effect must save, up to which another set explains the recordings as well."""
+RICHER: Final = 0.2
+"""Mean log squared error that a richer form of friction must save to be grown in place of the plain one."""
 ADEQUATE: Final = 1.03
 """Squared error over the noise's, at which the search ends: the noise is known to some percent."""
 
@@ -69,15 +77,41 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
     for size in range(1, MOST + 1):
         if excess(grown.best[0], screen.cut) < ADEQUATE or screen.budget.spent:
             break
-        found: dict[frozenset[str], Fitted] = {}
-        for child in screen.extended(beam):
-            key = frozenset(child.model.names)
-            if key not in found or child.cost < found[key].cost:
-                found[key] = child
-        grown.tried |= found
-        ranked = sorted(found.values(), key=lambda one: one.cost)
+        children = screen.extended(beam)
+        ranked = best_of_each(children)
+        grown.tried |= {frozenset(one.model.names): one for one in ranked}
         if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):
             break
-        grown.best, beam = [*ranked, *grown.best], ranked[:BEAM]
+        grown.best, beam = [*ranked, *grown.best], survivors(children)
         progress(size / MOST)
     return grown
+
+
+def best_of_each(ranked: Sequence[Fitted]) -> list[Fitted]:
+    """The best fit of each set."""
+    best: dict[frozenset[str], Fitted] = {}
+    for one in ranked:
+        best.setdefault(frozenset(one.model.names), one)
+    return list(best.values())
+
+
+def survivors(children: Sequence[Fitted]) -> list[Fitted]:
+    """Of the fits of a race, the best first, those that are grown further: the best sets, and second plants.
+
+    Of a set that also has a richer form the plain one, if that saves too little: the richer form is tried
+    again with what is added.
+    """
+    ranked = best_of_each(children)
+    cost = {frozenset(one.model.names): one.cost for one in ranked}
+
+    def spare(one: Fitted) -> bool:
+        own, plain = frozenset(one.model.names), plain_form(one.model.names)
+        return plain != own and cost.get(plain, math.inf) < one.cost + RICHER
+
+    beam = [one for one in ranked if not spare(one)][:BEAM]
+    first = {frozenset(one.model.names): one for one in beam}
+    for one in children:
+        names = frozenset(one.model.names)
+        if names in first and len(beam) < len(first) + SECOND and elsewhere(one, first[names]):
+            beam.append(one)
+    return beam

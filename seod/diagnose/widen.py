@@ -1,31 +1,24 @@
 """Sets of effects grown on whole recordings, where none explains the windows down to the noise.
 
 Each window has an initial state of its own, which makes up for a part of what a wrong model does. Over a
-whole recording it cannot. Simulations of it take long, so each start of a cause is tried by one: how much of
-the residual lies in the direction of its change, beyond what the parent's own parameters can do.
+whole recording it cannot. Simulations of it take long, so each start of a cause is tried by one.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from seod.diagnose.coordinates import WAVES, further_causes, group
-from seod.diagnose.fit import Fitted, Search, fit, weighted
+from seod.diagnose.ahead import Ahead, Promise
+from seod.diagnose.coordinates import begun_from, further_causes, group
+from seod.diagnose.coordinates import remote as far
+from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.judge import refined
-from seod.diagnose.screen import begun_from
-from seod.diagnose.screen import remote as far
 from seod.diagnose.select import MOST, as_well
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.diagnose.answer import Array
-    from seod.diagnose.coordinates import Values
-    from seod.diagnose.model import Model
     from seod.diagnose.screen import Screen
 
 TRIED: Final = 3
@@ -34,15 +27,6 @@ FINISHED: Final = 2
 """Of them, and of those from far, that are fitted to the end."""
 SAVES: Final = 0.2
 """Mean log squared error that one more effect has to save."""
-
-
-@dataclass(frozen=True, slots=True)
-class Promise:
-    """One more effect: the model with it, where to begin, and what it may save of the log squared error."""
-
-    model: Model
-    x: Array
-    saves: float
 
 
 def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
@@ -121,40 +105,3 @@ def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
                 x = model.searched(begun_from(parent.model.values(parent.x), start))
                 out.append(Promise(model, x, math.nan))
     return out
-
-
-class Ahead:
-    """What a parent leaves, and what its own parameters and initial states could still do about it."""
-
-    def __init__(self, parent: Fitted) -> None:
-        self.parent = parent
-        search = Search(parent.model, parent.cut, map, np.ones(len(parent.x), np.bool_))
-        residual, error = search.tried(parent.x, parent.start)
-        table = search.derivatives(parent.x, parent.start, residual, error).table
-        assert table is not None  # noqa: S101 - a search has one
-        self.good, self.residual = search.good, residual
-        self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
-        own = table.columns[:, :-1] * self.weight[:, None]
-        size = np.linalg.norm(own, axis=0)
-        self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
-        self.left = self._beyond(residual)
-
-    def promise(self, name: str, start: Values) -> Promise:
-        """What an effect saves if its change from this start is the right one but for its size."""
-        parent, model = self.parent, self.parent.model.with_effect(name)
-        x = model.searched(begun_from(parent.model.values(parent.x), start))
-        changes = [self._change(model, x)]
-        if name in WAVES:
-            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
-        directions = np.linalg.qr(np.stack(changes, axis=1))[0]
-        told = float(np.sum((directions.T @ self.left) ** 2)) / float(self.left @ self.left)
-        return Promise(model, x, -math.log(max(1.0 - told, 1e-12)))
-
-    def _change(self, model: Model, x: Array) -> Array:
-        residual = weighted(model, self.parent.cut, x, self.parent.start)
-        return self._beyond(np.where(self.good, self.residual - residual, 0.0))
-
-    def _beyond(self, y: Array) -> Array:
-        """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
-        weighted = np.clip(y * self.weight, -1e100, 1e100)
-        return np.asarray(weighted - self.own @ (self.own.T @ weighted))

@@ -1,0 +1,171 @@
+"""Races of causes: the order in which they are tried, how long it may take, and what is kept."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from diagnose_truth import linear, multisine, recording
+
+from seod.diagnose.begin import baseline, scales
+from seod.diagnose.budget import FURTHER_S, LONG, Budget, further_s
+from seod.diagnose.cells import DELAYS
+from seod.diagnose.coordinates import Scales, group, plain_form, remote
+from seod.diagnose.fit import Search
+from seod.diagnose.screen import FIRST, Entrant, Runner, best_starts, screen
+from seod.diagnose.select import BEAM, RICHER, SECOND, survivors
+from seod.diagnose.windows import cut, pieces, series, sparse
+
+PLANT = {"omega_n": 100.0, "zeta": 0.3}
+
+
+def fitted(cost, *names, **plant):
+    """What a race has found, as far as it is asked what to keep."""
+    model = SimpleNamespace(names=names, values=lambda x: x)
+    return SimpleNamespace(model=model, x=PLANT | plant, cost=cost)
+
+
+@pytest.mark.parametrize(
+    ("names", "plain"),
+    [
+        (["stribeck_friction"], {"coulomb_friction"}),
+        (["coulomb_friction", "lugre_friction", "backlash"], {"coulomb_friction", "backlash"}),
+        (["coulomb_friction", "stribeck_friction"], {"coulomb_friction"}),
+        (["backlash"], {"backlash"}),
+        ([], set()),
+    ],
+)
+def test_richer_forms_of_friction_have_a_plain_one(names, plain):
+    assert plain_form(names) == plain
+
+
+def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():
+    plain, other = fitted(-3.0, "coulomb_friction"), fitted(-2.0, "backlash")
+    little = fitted(-3.0 - 0.9 * RICHER, "stribeck_friction")
+    much = fitted(-3.0 - 1.1 * RICHER, "stribeck_friction")
+    assert survivors([little, plain, other]) == [plain, other]
+    assert survivors([much, plain, other]) == [much, plain, other]
+    assert survivors([little, other]) == [little, other]
+
+
+def test_of_each_set_the_best_is_grown_and_of_some_a_second_plant():
+    some = [fitted(-9.0 + k, name) for k, name in enumerate(["a", "b", "c", "d"])]
+    assert survivors(some) == some[:BEAM]
+    alike, apart = fitted(-8.9, "a", omega_n=110.0), fitted(-8.8, "a", omega_n=200.0)
+    assert survivors([some[0], alike, apart, *some[1:]]) == [*some[:BEAM], apart]
+    assert survivors([some[0], fitted(-7.9, "a", zeta=0.9), *some[1:]]) == some[:BEAM]
+    seconds = [fitted(-8.5, "a", zeta=0.9), fitted(-7.9, "b", zeta=0.9), fitted(-6.9, "c", zeta=0.9)]
+    assert survivors([some[0], seconds[0], *some[1:], *seconds[1:]]) == [*some[:BEAM], *seconds[:SECOND]]
+
+
+def test_of_a_contact_another_plant_goes_on_too():
+    parent = fitted(0.0)
+    best, alike = fitted(-3.0, "backlash"), fitted(-2.9, "backlash", zeta=0.35)
+    apart, third = fitted(-2.5, "backlash", zeta=0.9), fitted(-2.4, "backlash", zeta=2.0)
+    runners = [Runner(parent, "backlash", one) for one in (third, alike, apart, best)]
+    assert [one.found for one in best_starts(runners)] == [best, apart]
+    lags = [Runner(parent, "valve_lag", one) for one in (apart, best)]
+    assert [one.found for one in best_starts(lags)] == [best]
+
+
+@pytest.fixture(scope="module")
+def late():
+    """A screen of a plant whose spool lags, and Eq. 1 fitted to it."""
+    u = multisine(6000)
+    few, _ = cut([series(recording(u, linear(u, lag=0.004)))])
+    screened = screen(pieces(few), map, Budget(time.process_time, 1e6))
+    begun = baseline(screened.cut, False, {})
+    model = replace(begun.best.model, scales=scales(begun.near, screened.cut))
+    return screened, replace(begun.best, model=model, start=screened.start(model, begun.best.x))
+
+
+def entrants(parent, names):
+    return [
+        Entrant(parent, name, start) for name in names for start in group(name, parent.model.scales).starts
+    ]
+
+
+def test_what_promises_most_is_tried_first_and_starts_far_away_soon(late):
+    screened, parent = late
+    names = ["load_bias", "asymmetric_gain", "parameter_drift", "coulomb_friction", "valve_deadband"]
+    begun = entrants(parent, [*names, *DELAYS, "valve_saturation", "square_root_flow"])
+    tried = screened.promising(begun)
+    assert sorted(map(id, tried)) == sorted(map(id, begun))
+    assert tried[0].name in DELAYS
+    far = [k for k, one in enumerate(tried) if remote(one.start)]
+    assert far == list(range(FIRST, FIRST + len(far)))
+    assert {one.name for one in tried[-3:]}.isdisjoint(DELAYS)
+
+
+def test_a_race_leaves_out_what_it_has_no_time_for(late):
+    screened, parent = late
+    now, begun = [0.0], []
+
+    def each(act, some):
+        for one in some:
+            now[0] += 1.0
+            begun.append(one)
+            yield act(one)
+
+    budget = Budget(lambda: now[0], 100.0)
+    among = ["valve_lag", "load_bias", "coulomb_friction", "backlash"]
+    hurried = replace(screened, each=each, budget=budget)
+    names = [name for name in group_names(parent) if name not in among]
+    found = hurried.extended([parent], names)
+    assert found[0].model.names == ("valve_lag",)
+    assert not budget.missed
+    now[0] = 99.0
+    assert hurried.extended([parent], names) == []
+    assert budget.missed
+
+
+def group_names(parent):
+    from seod.diagnose.coordinates import further_causes
+
+    return further_causes(parent.model.scales, parent.model.names)
+
+
+def test_a_short_recording_is_searched_for_longer():
+    assert further_s(0) == FURTHER_S
+    assert further_s(LONG) == further_s(10 * LONG) == 0.0
+    now = [0.0]
+    budget = Budget(lambda: now[0], 10.0, 5.0)
+    later, share = budget.last_fit(), budget.share(0.4)
+    now[0] = 1.2
+    assert later()  # what follows has its part of the time that a long recording has
+    now[0] = 5.9
+    assert not share()
+    assert not budget.missed
+    now[0] = 6.1
+    assert share()
+    assert budget.missed
+    assert not budget.spent
+    now[0] = 15.1
+    assert budget.spent
+
+
+def test_a_lag_that_no_sample_shows_is_not_searched():
+    sizes = Scales(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 100.0, 10.0, 2e-3)
+    for name in ("sensor_lag", "valve_lag"):
+        assert group(name, sizes).coordinates[0].low == pytest.approx(2e-4)
+
+
+def test_parameters_asked_for_again_are_those_of_the_numbers_given(late):
+    _, parent = late
+    search = Search(parent.model, parent.cut, map, np.ones(3, np.bool_))
+    x = parent.x.copy()
+    first = search.record(x)
+    assert search.record(parent.x) is first
+    x[1] += 0.1
+    assert search.record(x) == parent.model.record(x) != first
+    assert search.record(parent.x) == first
+
+
+def test_slow_commands_keep_the_samples_that_show_how_the_plant_swings():
+    t = np.arange(12000) * 1e-3
+    u = np.sign(np.sin(2.0 * np.pi * 0.5 * t + 0.1))
+    one = series(recording(u, linear(u), noise=1e-4))
+    assert sparse(cut([one])[0]).series[0].tick < 2.0 * np.pi / 117.0 / 4.0
