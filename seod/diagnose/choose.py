@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from seod.diagnose.begin import unchanged
-from seod.diagnose.judge import Judged, refined
+from seod.diagnose.judge import Judged, refined, settled
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.select import as_well, least_gain
 from seod.diagnose.thin import best_alike, plainer, thinned
@@ -47,7 +47,8 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     make up for each other in the windows: whole recordings are fitted, without the rows held out, and the
     errors of both decide, of sets and of baselines.
     """
-    complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
+    some = [each for each in finalists(grown.best) if each.model.names]
+    complete = screen.side_by_side(lambda one, within: settled(one, cut, within), some)
     best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
     if best.held.adequacy > ADEQUATE:
@@ -58,6 +59,8 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
     own, rest = thinned(plainer(best, aside, screen, least), tried, aside, screen, least)
+    if own is not best:
+        own = Judged.of(settled(own.found, own.found.cut, screen), aside)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
 
 

@@ -281,7 +281,12 @@ def _load(s: Scales) -> dict[str, Group]:
         "stribeck_friction": _far(
             HELD, stribeck, *((x * size, v * s.speed) for x, v in ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15)))
         ),
-        **_group("load_resonance", resonance, *((0.2, x * s.omega_n, 0.05) for x in (0.6, 1.3, 2.5, 5.0))),
+        **_group(
+            "load_resonance",
+            resonance,
+            *((0.2, x * s.omega_n, 0.05) for x in (0.6, 1.3, 2.5, 5.0)),
+            *((1.0, x * s.omega_n, 0.05) for x in (1.3, 1.8)),
+        ),
         **_group(
             "periodic_disturbance",
             _wave("periodic_disturbance", 0.05 * size, 0.03 / s.span_s, 1e-2, 3.0 / s.tick_s),

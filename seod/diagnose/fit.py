@@ -82,16 +82,18 @@ def fit(
     each: Each = map,
     free: Mask | None = None,
     ended: Callable[[], bool] = lambda: False,
+    enough: float = ENOUGH,
 ) -> Fitted:
     """Search from `x` and initial states `start`.
 
-    `free` tells which numbers are searched, None: all; `ended` is asked before each step.
+    `free` tells which numbers are searched, None: all; `ended` is asked before each step, and one that
+    improves the mean log error by less than `enough` is the last.
     """
     free = np.ones(len(x), np.bool_) if free is None else free
     if np.any(cut.slack > 0.0) and most > 1:
         near = Search(model, rounded(cut), each, free).run(x, start, most // 2, ended)
         x, start, most = near.x, near.start, most - most // 2
-    return Search(model, cut, each, free).run(x, start, most, ended)
+    return Search(model, cut, each, free).run(x, start, most, ended, enough)
 
 
 class Place(NamedTuple):
@@ -124,7 +126,14 @@ class Search:
         self.reach = np.array([LARGEST if c.logarithm else FARTHEST for c in model.coordinates])
         self._last: tuple[Array, NDArray[np.void]] | None = None
 
-    def run(self, x: Array, start: Array, most: int, ended: Callable[[], bool] = lambda: False) -> Fitted:
+    def run(
+        self,
+        x: Array,
+        start: Array,
+        most: int,
+        ended: Callable[[], bool] = lambda: False,
+        enough: float = ENOUGH,
+    ) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
         at = Place(x, start, *self.tried(x, start))
         curvature = np.zeros((len(x), len(x)))
@@ -147,7 +156,7 @@ class Search:
             if found is None:
                 break
             at, damping = found, max(damping / 6.0, 1e-9)
-            if before - self.cost(at.error) < ENOUGH:
+            if before - self.cost(at.error) < enough:
                 break
         if self.soft is not None:
             self.soft = None

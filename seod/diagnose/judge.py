@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
-from seod.diagnose.fit import Fitted, fit
+from seod.diagnose.fit import ENOUGH, Fitted, fit
 from seod.diagnose.score import HeldOut, held_out, wholes
 from seod.diagnose.states import alike_states, begun_states, carried_states
 
@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from seod.diagnose.answer import Array
     from seod.diagnose.screen import Screen
     from seod.diagnose.windows import Cut
+
+
+STEPS: Final = 15
+FINE_STEPS: Final = 40
+FINE: Final = 1e-6
+"""Improvement of the mean log error below which a fit has settled."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +42,19 @@ class Judged:
 
 def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
+    return _refined(found, cut, screen)
+
+
+def settled(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
+    """Likewise, to where hardly anything changes: along a bent valley steps gain little and lead far."""
+    return _refined(found, cut, screen, FINE_STEPS, FINE)
+
+
+def _refined(found: Fitted, cut: Cut, screen: Screen, most: int = STEPS, enough: float = ENOUGH) -> Fitted:
     model, x = found.model, found.x
     start = begun_states(model, x, cut, *_known(found, cut))
-    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
+    ended = screen.budget.last_fit()
+    return fit(model, cut, x, start, most, each=screen.each, ended=ended, enough=enough)
 
 
 def _known(found: Fitted, cut: Cut) -> list[Array]:

@@ -14,10 +14,12 @@ from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
+from seod.diagnose.begin import baseline, scales
 from seod.diagnose.budget import Budget
 from seod.diagnose.cells import Cell, cells
 from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_causes
 from seod.diagnose.fit import Fitted, fit, settle
+from seod.diagnose.judge import refined, settled
 from seod.diagnose.screen import screen
 from seod.diagnose.select import excess
 from seod.diagnose.simulate import simulate
@@ -39,13 +41,15 @@ STALLS = {"coulomb_friction": {"level": 5400.0}}
 GIVES = {"coulomb_friction": {"level": 1500.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
 PLAYS = {"backlash": {"gap": 0.15}}
 BOTH = {"coulomb_friction": {"level": 2500.0}, "backlash": {"gap": 0.1}}
+SWINGS = {"load_resonance": {"inertia": 1.0, "omega": 190.0, "zeta": 0.05}}
 WAVES = {"position_ripple": {"amplitude": 0.08, "wavenumber": 20.0, "phase": 0.3}}
 
 
 @cache
 def recorded(kind):
     """Series of the plant written apart under a relay, whose threshold it crosses between samples."""
-    effects = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES}[kind]
+    every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES}
+    effects = (every | {"swings": SWINGS})[kind]
     plant = Plant(*TRUTH.values(), effects)
     y, u, places = np.empty(N), np.empty(N), np.empty(N)
     for k in range(N):
@@ -187,6 +191,32 @@ def test_plain_friction_is_also_tried_on_bristles():
     assert excess(best, few) < 1.1
 
 
+def test_a_load_as_heavy_as_the_actuator_is_found_from_the_limit_cycles_own_frequency():
+    few = pieces(cut([recorded("swings")[0]])[0])
+    screened = screen(few, map, Budget(time.process_time, 1e6))
+    begun = baseline(screened.cut, False, {})
+    assert begun.other is not None
+    model = replace(begun.other.model, scales=scales(begun.near, screened.cut))
+    x = begun.other.x
+    parent = fit(model, screened.cut, x, screened.start(model, x), free=np.zeros(3, np.bool_))
+    best = screened.extended([parent], [name for name in EFFECTS if name != "load_resonance"])[0]
+    assert excess(best, screened.cut) < 1.05
+    assert best.model.values(best.x)["load_resonance.inertia"] == pytest.approx(1.0, rel=0.3)
+
+
+def test_the_best_fits_settle_where_steps_along_a_bent_valley_gain_little():
+    one = recorded("swings")[0]
+    screened = screen(pieces(cut([one])[0]), map, Budget(time.process_time, 1e6))
+    model, ends = model_of(one, "load_resonance"), []
+    for inertia, omega in ((1.5, 168.0), (0.6, 221.0)):
+        x = searched(model, {"load_resonance": {"inertia": inertia, "omega": omega, "zeta": 0.05}})
+        begun = fit(model, screened.cut, x, simulated_states(model, x, screened.cut), 3)
+        ends.append([act(begun, screened.every, screened).x for act in (refined, settled)])
+    (early, one_end), (late, other_end) = ends
+    assert np.abs(early - late).max() > 0.03
+    assert np.abs(one_end - other_end).max() < 1e-3
+
+
 def test_only_a_relay_has_cells():
     one, _ = recorded("stalls")
     budget = Budget(time.process_time, 1e6)
@@ -203,8 +233,6 @@ def test_what_is_but_a_gain_of_two_commands_is_not_tried():
 def test_a_relay_s_plant_is_not_damped_beyond_what_shows():
     one, _ = recorded("stalls")
     found = screen(cut([one])[0], map, Budget(time.process_time, 1e6))
-    from seod.diagnose.begin import baseline
-
     assert baseline(found.cut, False, {}).best.model.scales.damped == DAMPED_BY_RELAY
 
 
