@@ -133,8 +133,9 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
     size = max(float(np.std(y)), 1e-12)
     tick = max(one.tick for one in cut.series)
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
-    damped = DAMPED_BY_RELAY if all(one.relayed for one in cut.series) else rough.damped
-    return replace(rough, slowest=max(rough.slowest, _slowest(cut)), damped=damped)
+    relayed = all(one.relayed for one in cut.series)
+    damped = DAMPED_BY_RELAY if relayed else rough.damped
+    return replace(rough, slowest=max(rough.slowest, _slowest(cut)), damped=damped, relayed=relayed)
 
 
 def _slowest(cut: Cut) -> float:

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-SEARCH_S: Final = 17.0
+SEARCH_S: Final = 15.0
 """Processor time after which no further cause is tried, of a long recording; fits of the best follow."""
-FURTHER_S: Final = 13.0
+FURTHER_S: Final = 15.0
 """The same that a short one may use beyond: what follows takes less."""
 LONG: Final = 120_000
 """Samples of a long recording."""
 TRIAL: Final = 0.04
 """Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
-LAST_FIT: Final = 0.11
+LAST_FIT: Final = 0.12
 """Likewise of a fit to all windows that follows the search."""
-LOOKING: Final = 0.4
+LOOKING: Final = 0.65
 """Likewise of a look at many sets."""
 
 

@@ -47,8 +47,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
     make up for each other in the windows: whole recordings are fitted, without the rows held out, and the
     errors of both decide, of sets and of baselines.
     """
-    some = [each for each in finalists(grown.best) if each.model.names]
-    complete = screen.side_by_side(lambda one, within: settled(one, cut, within), some)
+    complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
     best, least = (Judged.of(plainest(complete), aside) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
     if best.held.adequacy > ADEQUATE:
@@ -59,7 +58,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, aside: Cut, screen: Screen) -> 
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
     own, rest = thinned(plainer(best, aside, screen, least), tried, aside, screen, least)
-    if own is not best:
+    if own.found.model.names and own.held.adequacy <= ADEQUATE:
         own = Judged.of(settled(own.found, own.found.cut, screen), aside)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
 

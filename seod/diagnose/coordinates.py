@@ -25,8 +25,9 @@ WAVES_SEEN: Final = 1.25
 """Over the travel, at least: a longer wave of a sensor is a bend, which other causes have too."""
 STIFFEST: Final = 2e3
 """Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
-FASTEST: Final = 1.25
-"""Natural frequency times the sampling interval, at most: samples show five of a cycle."""
+FASTEST, FASTEST_OF_FEW = 0.8, 1.25
+"""Natural frequency times the sampling interval, at most; the latter under a relay, where trials take few
+samples. Plants at the bound are slow to simulate."""
 DAMPED_BY_RELAY: Final = 5.0
 """Largest zeta under a relay: of more damping only the slower pole shows, and the other takes time."""
 LEAST: Final = 1e-4
@@ -130,9 +131,10 @@ class Group:
 
 def base(sign: float, scales: Scales) -> tuple[Coordinate, ...]:
     """K_L, which has this sign, omega_n and zeta."""
+    fastest = FASTEST_OF_FEW if scales.relayed else FASTEST
     return (
         Coordinate("K_L", sign, 1e-9, 1e9),
-        Coordinate("omega_n", 1.0, scales.slowest, FASTEST / scales.tick_s),
+        Coordinate("omega_n", 1.0, scales.slowest, fastest / scales.tick_s),
         Coordinate("zeta", 1.0, 1e-3, scales.damped),
     )
 
