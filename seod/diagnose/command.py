@@ -85,7 +85,8 @@ def diagnose(
     wishes = options or Options()
     sees_speed = wishes.output == "velocity"
     rows = sum(len(each.t) for each in recordings)
-    budget = Budget(clock, wishes.search_s) if wishes.search_s else Budget(clock, further=further_s(rows))
+    own = Budget(clock, further=further_s(rows))
+    budget = own if wishes.search_s is None else Budget(clock, wishes.search_s)
     rig = rated(wishes.config, wishes.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
     every = [
