@@ -1,4 +1,5 @@
 """What a recording costs: time of a core and bytes for each row, and a day of it; rows as CDR against JSON.
+Then a frame of the bus log in each format of python-can, against the shortest a frame takes on a bus.
 
     python bench/record.py [--rows 20000] [--pairs 10]
 
@@ -14,6 +15,7 @@ import time
 from pathlib import Path
 from statistics import median
 
+import can
 import numpy as np
 
 from seod.record.layout import AXIS_FIELDS, row_dtype
@@ -23,6 +25,9 @@ from seod.record.series import Rotation, Series
 RATE_HZ = 2000
 CHUNK = RATE_HZ // 4
 DAY_S = 86_400
+FORMATS = ("log", "asc", "blf", "mf4")
+FRAME_US = 111.0
+"""A frame with 8 bytes, of 111 bits unstuffed, at 1 Mbit/s."""
 
 
 def limit_cycle(count: int) -> np.ndarray:
@@ -69,6 +74,21 @@ def write(rows: np.ndarray, kind: type[McapFile]) -> tuple[float, float]:
     return spent / len(rows) * 1e6, size / len(rows)
 
 
+def log_frames(suffix: str, count: int) -> float:
+    """Time of the processor [us] for each frame of a bus log, with the file's end."""
+    frames = [
+        can.Message(timestamp=1.7e9 + n * 1e-3, arbitration_id=513, data=n.to_bytes(8), is_extended_id=False)
+        for n in range(count)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.thread_time()
+        logger = can.Logger(Path(folder) / f"bus.{suffix}")
+        for frame in frames:
+            logger(frame)
+        logger.stop()
+        return (time.thread_time() - began) / count * 1e6
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=20_000)
@@ -86,6 +106,9 @@ def main() -> None:
     )
     day = RATE_HZ * DAY_S
     print(f"24 h at {RATE_HZ} Hz: {size * day / 1e9:.1f} GB  (as JSON {size_json * day / 1e9:.1f} GB)")
+    for suffix in FORMATS:
+        spent = log_frames(suffix, options.rows)
+        print(f"a frame of the bus as .{suffix}: {spent:.1f} us  (of {FRAME_US:.0f} us on a full bus)")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import errno
 import itertools
 import subprocess
 import sys
+import time
 
 import can
 import pytest
@@ -76,6 +77,70 @@ def test_what_a_full_disk_does_not_take_is_counted_and_said(tmp_path, peer, monk
     wait_for(log, 5)
     assert log.report() == {"file": str(tmp_path / "bus.log"), "frames": 2, "lost": 3, "error": None}
     log.close()
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """The log's format takes this many seconds for a frame; meanwhile other threads run."""
+    seconds = [0.02]
+    make = bus_module._logger
+
+    def slowed(path):
+        logger = make(path)
+        write = logger.on_message_received
+
+        def on_message(frame):
+            time.sleep(seconds[0])
+            write(frame)
+
+        monkeypatch.setattr(logger, "on_message_received", on_message)
+        return logger
+
+    monkeypatch.setattr(bus_module, "_logger", slowed)
+    return seconds
+
+
+def ids(path):
+    with can.LogReader(path) as frames:
+        return [frame.arbitration_id for frame in frames]
+
+
+def test_what_was_heard_before_the_end_is_written_by_a_slow_format_too(tmp_path, peer, slow):
+    log = BusLog(tmp_path / "bus.log", OPTIONS)
+    send(peer, 20)
+    log.close()
+    assert ids(tmp_path / "bus.log") == [0x100 + n for n in range(20)]
+    assert log.report()["lost"] == 0
+
+
+def test_what_waits_too_long_is_counted_and_said(tmp_path, peer, slow, monkeypatch, capsys):
+    monkeypatch.setattr(bus_module, "WAITING_FRAMES", 5)
+    slow[0] = 0.3
+    log = BusLog(tmp_path / "bus.log", OPTIONS)
+    send(peer, 20)
+    until(lambda: log.error)
+    assert log.error == f"{tmp_path / 'bus.log'} is written more slowly than the bus speaks"
+    slow[0] = 0.0
+    wait_for(log, 20)
+    lost = log.report()["lost"]
+    assert 0 < lost < 20
+    until(lambda: not log.error)
+    log.close()
+    assert len(ids(tmp_path / "bus.log")) == 20 - lost
+    assert capsys.readouterr().err == f"seod: bus log {tmp_path / 'bus.log'}: {lost} frames are not in it\n"
+
+
+def test_the_end_does_not_wait_for_all_that_a_slow_format_has_left(tmp_path, peer, slow, monkeypatch, capsys):
+    monkeypatch.setattr(bus_module, "LATE_S", 0.05)
+    log = BusLog(tmp_path / "bus.log", OPTIONS)
+    send(peer, 20)
+    log.close()
+    written = ids(tmp_path / "bus.log")
+    assert written == [0x100 + n for n in range(len(written))]
+    lost = 20 - len(written)
+    assert 0 < lost < 20
+    assert log.report()["lost"] == lost
+    assert f"{lost} frames are not in it" in capsys.readouterr().err
 
 
 def test_an_older_log_is_kept_aside(tmp_path, peer):
