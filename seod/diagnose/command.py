@@ -17,6 +17,7 @@ from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
 from seod.diagnose.fit import fit, weighted
+from seod.diagnose.halves import finer, one_sided
 from seod.diagnose.judge import Judged
 from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.rated import rated
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from seod.diagnose.coordinates import Scales
     from seod.diagnose.fit import Each, Fitted
     from seod.diagnose.screen import Screen
-    from seod.diagnose.windows import Cut
+    from seod.diagnose.windows import Cut, Series
 
     Progress = Callable[[str, float], None]
 
@@ -95,13 +96,15 @@ def diagnose(
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
-    to_fit, aside = cut(every, len(holdout))
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = _search(to_fit, aside, _Way(sees_speed, rig.effects, pool.map, budget, progress))
+        way = _Way(sees_speed, rig.effects, pool.map, budget, progress)
+        progress("fitting Eq. 1", 0.0)
+        start = _start(every, len(holdout), way)
+        found = _search(start, way)
         if any(each.name == "outliers" for defects in checked for each in defects.found):
             found = trimmed(found)
     progress("comparing", 0.9)
-    answer = answered(found, to_fit, aside, checked, wishes.output)
+    answer = answered(found, start.to_fit, start.aside, checked, wishes.output)
     name = str(recordings[0].paths[0])
     remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
     answer = replace(answer, remarks=(*answer.remarks, *remarks, *budget.remarks))
@@ -119,32 +122,58 @@ class _Way(NamedTuple):
     progress: Progress
 
 
-def _search(to_fit: Cut, aside: Cut, way: _Way) -> Found:
-    _, _, each, budget, progress = way
-    progress("fitting Eq. 1", 0.0)
+class _Start(NamedTuple):
+    """Where causes are searched: windows to fit, windows held out, and Eq. 1 on them."""
+
+    to_fit: Cut
+    aside: Cut
+    screened: Screen
+    begun: Begun
+    base: Judged
+
+
+def _start(every: Sequence[Series], whole: int, way: _Way) -> _Start:
+    """With so many windows that both halves show what Eq. 1 does not, if there are such."""
+    usual = _started(*cut(every, whole), way)
+    fitted = usual.base.found
+    if one_sided(Judged.of(fitted, usual.to_fit).held, usual.base.held):
+        others = finer(every, whole, fitted)
+        if others is not None:
+            return _started(*others, way)
+    return usual
+
+
+def _started(to_fit: Cut, aside: Cut, way: _Way) -> _Start:
     small = pieces(to_fit)
-    screened = screen(small, each, budget)
-    begun = baseline(screened.cut, way.sees_speed, way.known, each)
+    screened = screen(small, way.each, way.budget)
+    begun = baseline(screened.cut, way.sees_speed, way.known, way.each)
     first = begun.best
-    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=each)
+    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=way.each)
     plain = held_out(base.model, base.x, aside)
     if plain.floor > MOSTLY_NOISE:
         raise DiagnoseError(
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
         )
+    return _Start(to_fit, aside, screened, begun, Judged(base, plain))
+
+
+def _search(start: _Start, way: _Way) -> Found:
+    to_fit, aside, screened, begun, base = start
+    small, progress = pieces(to_fit), way.progress
     sizes = scales(begun.near, screened.cut)
-    if plain.nrmse < 1.0:  # else it is no plant whose pressure says anything
-        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base, small).pressure))
-    roots = _roots(base, begun, sizes, screened)
+    if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
+        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
+    roots = _roots(base.found, begun, sizes, screened)
     progress("trying causes", 0.1)
     grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
-    choice = choose(Judged(base, plain), grown, small, aside, screened)
+    choice = choose(base, grown, small, aside, screened)
     progress("measuring the gain", 0.8)
     chosen = Chosen(choice.best.found, choice.without, choice.best.held)
     effects = found_effects(chosen, screened, grown.tried)
-    return Found(choice.base.found, choice.base.held, chosen, tuple(effects), grown)
+    seen = Judged.of(chosen.found, to_fit).held
+    return Found(choice.base.found, choice.base.held, chosen, seen, tuple(effects), grown)
 
 
 def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[Fitted]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
 from seod.diagnose.experiment import beyond_a_relay, next_experiment
+from seod.diagnose.halves import one_sided
 from seod.diagnose.intervals import base_sd, covariance
 from seod.diagnose.judge import Judged
 from seod.diagnose.left import unexplained
@@ -18,7 +19,7 @@ from seod.diagnose.score import drawn, nrmse, score, wholes, windows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, NextExperiment, Output, Unexplained, Verdict, Window
+    from seod.diagnose.answer import Array, Mask, NextExperiment, Output, Unexplained, Verdict, Window
     from seod.diagnose.defects import Defects
     from seod.diagnose.fit import Fitted
     from seod.diagnose.name import Chosen
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 FAR: Final = 4.0
 MOST_FAR: Final = 0.03
 """Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
+RARE: Final = (
+    "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
+    "tried out. A longer recording, in which it happens again, tells more"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +44,7 @@ class Found:
         base: The baseline, fitted to all windows to fit.
         held: Its simulation of the windows held out.
         chosen: The best set of effects.
+        seen: Its simulation of the windows to fit.
         effects: Of it, in order of gain.
         grown: What was tried.
     """
@@ -46,6 +52,7 @@ class Found:
     base: Fitted
     held: HeldOut
     chosen: Chosen
+    seen: HeldOut
     effects: tuple[FoundEffect, ...]
     grown: Grown
 
@@ -54,8 +61,8 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
     """The diagnosis; `checked` are the defects of each recording."""
     baseline, plain = _scored(found.base, found.held)
     extended, whole = _scored(found.chosen.found, found.chosen.held)
-    left = unexplained(found.held, found.chosen.held)
-    base, best = (Judged.of(one, to_fit).held for one in (found.base, found.chosen.found))
+    base, best = Judged.of(found.base, to_fit).held, found.seen
+    left, rare = _left_over(found, base)
     defects = _record_effects(checked, found.chosen.held, best)
     steps = [each.step for each in checked if each.step > 0.0]
     if steps:
@@ -75,7 +82,7 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
         windows=tuple(_windows(found, base, best)),
         whole=drawn(aside, plain, whole),
         candidates=_candidates(found),
-        remarks=tuple(dict.fromkeys(remark for each in checked for remark in each.remarks)),
+        remarks=(*dict.fromkeys(remark for each in checked for remark in each.remarks), *rare),
     )
 
 
@@ -84,13 +91,26 @@ def trimmed(found: Found) -> Found:
 
     Those that differ little from their neighbours are told by a model only.
     """
-    held = found.chosen.held
+    near, seen = _near(found.chosen.held), _near(found.seen)
+    chosen = replace(found.chosen, held=replace(found.chosen.held, scored=near))
+    return replace(
+        found, chosen=chosen, held=replace(found.held, scored=near), seen=replace(found.seen, scored=seen)
+    )
+
+
+def _near(held: HeldOut) -> Mask:
+    """Rows that count, but for those far off, if these are few."""
     noise = np.repeat(held.cut.floor, held.cut.sizes)
-    far = np.abs(held.cut.gathered("y") - held.simulated) > FAR * noise
-    if np.count_nonzero(far & held.scored) > MOST_FAR * np.count_nonzero(held.scored):
-        return found
-    chosen = replace(found.chosen, held=replace(held, scored=held.scored & ~far))
-    return replace(found, chosen=chosen, held=replace(found.held, scored=found.held.scored & ~far))
+    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= FAR * noise)
+    return near if np.count_nonzero(near) >= (1.0 - MOST_FAR) * np.count_nonzero(held.scored) else held.scored
+
+
+def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
+    """What is left, and a remark where windows that were fitted show it alone; `base` is of those."""
+    left = unexplained(found.held, found.chosen.held)
+    if left.fraction > 0.0 or not one_sided(found.seen, found.chosen.held):
+        return left, ()
+    return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
 
 
 def _experiment(found: Found, aside: Cut) -> NextExperiment | None:

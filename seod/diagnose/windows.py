@@ -263,23 +263,26 @@ class Cut:
         return Cut(self.series, tuple(self.windows[k] for k in chosen))
 
 
-def cut(every: Sequence[Series], aside: int = 0) -> tuple[Cut, Cut]:
-    """Windows to fit, and windows held out: every second one, and all of the last `aside` series."""
+def cut(every: Sequence[Series], aside: int = 0, finer: float = 1.0) -> tuple[Cut, Cut]:
+    """Windows to fit, and windows held out: every second one, and all of the last `aside` series.
+
+    There are `finer` times as many as usual.
+    """
     fitted: list[tuple[int, int, int]] = []
     held: list[tuple[int, int, int]] = []
     for k, one in enumerate(every):
         whole = k >= len(every) - aside
-        for number, (first, last) in enumerate(_windows(one)):
+        for number, (first, last) in enumerate(_windows(one, finer)):
             (held if whole or number % 2 else fitted).append((k, first, last))
     if not fitted or not held:
         raise DiagnoseError("the recordings are too short: a diagnosis needs four windows of 50 samples")
     return Cut(every, tuple(fitted)), Cut(every, tuple(held))
 
 
-def _windows(one: Series) -> list[tuple[int, int]]:
+def _windows(one: Series, finer: float) -> list[tuple[int, int]]:
     span = float(one.t[-1] - one.t[0])
     begin = one.t[0] + min(SKIPPED_S, 0.05 * span)
-    count = max(FEWEST, int((one.t[-1] - begin) / one.window_s + 1e-6))
+    count = round(finer * max(FEWEST, int((one.t[-1] - begin) / one.window_s + 1e-6)))
     edges = np.searchsorted(one.t, np.linspace(begin, one.t[-1] + 0.5 * one.tick, count + 1))
     pairs = [(int(a), int(b)) for a, b in pairwise(edges)]
     told = [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= 50]

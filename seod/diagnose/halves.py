@@ -1,0 +1,42 @@
+"""Whether the windows that were fitted and those held out show the same; others, where they do not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.judge import Judged
+from seod.diagnose.left import ADEQUATE
+from seod.diagnose.windows import cut
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fit import Fitted
+    from seod.diagnose.score import HeldOut
+    from seod.diagnose.windows import Cut, Series
+
+SEEN: Final = 2.0
+"""Squared error over the noise's from which on windows show something that the model does not."""
+FINER: Final = (1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+"""Windows over the usual number of them."""
+
+
+def one_sided(fitted: HeldOut, held: HeldOut) -> bool:
+    """Whether one half shows something of which there is nothing in the other."""
+    less, more = sorted((fitted.adequacy, held.adequacy))
+    return less < ADEQUATE and more > SEEN
+
+
+def finer(every: Sequence[Series], aside: int, found: Fitted) -> tuple[Cut, Cut] | None:
+    """As few windows more as let both halves show what this model does not; None if it is too rare.
+
+    Args:
+        every: The recordings.
+        aside: The last so many of them are held out as a whole.
+        found: The model.
+    """
+    for more in FINER:
+        halves = cut(every, aside, more)
+        if all(Judged.of(found, half).held.adequacy > SEEN for half in halves):
+            return halves
+    return None
