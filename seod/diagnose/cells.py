@@ -1,10 +1,13 @@
-"""Plants with dry friction, play, or both, that a relay's recording may come from, by a grid.
+"""Plants with dry friction, play, or both, or shaken ones, that a relay's recording may come from, by a grid.
 
 Under a relay Eq. 1 alone fits a limit cycle to some percent with a plant far from the right one, from which
 no descent leads there. How a plant sticks, or what it loses in a play, depends, but for its size, on three
 numbers only: omega_n, zeta, and a share: friction over the pressure at which the load would stall, play over
 the swing. With both it is one share more. A delay moves the answer in time. So each cell costs one simulation
 from rest, whatever the gain and the delay.
+
+A relay may have locked to a disturbance of its own frequency, which hides the plant in the limit cycle's
+fundamental: of those plants only what is beside the fundamental is compared.
 """
 
 from __future__ import annotations
@@ -15,13 +18,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.model import grouped, tolerance
 from seod.diagnose.simulate import STATES, simulate
 from seod.diagnose.windows import Cut
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from seod.diagnose.answer import Array
     from seod.diagnose.coordinates import Values
@@ -33,6 +37,8 @@ LONG: Final = 5.0
 """Limit cycles from rest until a plant is compared, pieces in which it is, and limit cycles in each."""
 QUICKER: Final = tuple(np.geomspace(0.8, 5.0, 14).tolist())
 """omega_n over the limit cycle's frequency."""
+QUICKER_SHAKEN: Final = tuple(np.geomspace(0.4, 5.0, 18).tolist())
+"""omega_n over the limit cycle's frequency; of a plant that a disturbance shakes."""
 DAMPINGS: Final = (0.05, 0.15, 0.3, 0.6, 1.2, 4.0)
 SHARES: Final[tuple[Values, ...]] = (
     *({"coulomb_friction.level": share} for share in (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)),
@@ -57,7 +63,8 @@ DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
 GIVE: Final = 0.04
 """What bristles give way by, over half the swing."""
-BEGUN: Final = DELAYS | CONTACTS | {"lugre_friction"}
+SHAKEN: Final = "periodic_disturbance"
+BEGUN: Final = DELAYS | CONTACTS | {SHAKEN, "lugre_friction"}
 """Effects that may be tried from a cell; bristles give way so little that they begin as plain friction."""
 
 
@@ -82,8 +89,12 @@ class Cell(NamedTuple):
 
     def begins(self, names: Iterable[str]) -> bool:
         """Whether a set of these effects may begin here."""
-        late = not DELAYS.isdisjoint(names)
-        return CONTACTS.intersection(names) == self.causes and late == (self.delay > 0.0)
+        late, own = not DELAYS.isdisjoint(names), self.causes
+        return (
+            CONTACTS.intersection(names) == own - {SHAKEN}
+            and late == (self.delay > 0.0)
+            and (SHAKEN not in own or SHAKEN in names)
+        )
 
     def values(self) -> Values:
         """As a start, with the times of all that may stand for the delay."""
@@ -108,9 +119,24 @@ def cells(cut: Cut) -> tuple[Cell, ...]:
         some = grid.cells(*at)
         kinds.setdefault(some[0].causes, []).extend(some)
     for own in kinds.values():
-        found += _best(cell for cell in own if cell.delay == 0.0)[:KEPT]
-        found += _best(cell for cell in own if cell.delay > 0.0)[:KEPT_LATE]
-    return tuple(found)
+        found += _kept(own)
+    return (*found, *_shaken(cut))
+
+
+def _shaken(cut: Cut) -> list[Cell]:
+    """Likewise plants with a disturbance of the limit cycle's frequency, where it has one."""
+    one = cut.series[cut.windows[0][0]]
+    period = relay_period_s(one.t_u, one.u)
+    if period is None:
+        return []
+    grid = _Grid(cut, 2.0 * math.pi / period)
+    every = [cell for at in product(QUICKER_SHAKEN, DAMPINGS) for cell in grid.cells(*at, {})]
+    return [grid.shaken(cell) for cell in _kept(every)]
+
+
+def _kept(some: Sequence[Cell]) -> list[Cell]:
+    prompt = _best(cell for cell in some if cell.delay == 0.0)[:KEPT]
+    return prompt + _best(cell for cell in some if cell.delay > 0.0)[:KEPT_LATE]
 
 
 def _best(some: Iterable[Cell]) -> list[Cell]:
@@ -121,9 +147,12 @@ def _best(some: Iterable[Cell]) -> list[Cell]:
 
 
 class _Grid:
-    """A stretch of a recording, and what is compared of it: movements about a line in pieces of its end."""
+    """A stretch of a recording, and what is compared of it: movements about a line in pieces of its end.
 
-    def __init__(self, cut: Cut) -> None:
+    With a frequency `hidden` [rad/s], what has it is not compared.
+    """
+
+    def __init__(self, cut: Cut, hidden: float | None = None) -> None:
         k, first, last = cut.windows[0]
         self.one: Series = cut.series[k]
         self.tick = self.one.tick
@@ -132,19 +161,48 @@ class _Grid:
         end = min(last, first + round(PIECES * LONG * cycle))
         edges = np.linspace(first - begin, end - begin, PIECES + 1).astype(int).tolist()
         self.pieces = [slice(a, b) for a, b in pairwise(edges)]
-        self.cut = Cut([self.one], ((0, begin, end),))
-        self.t, self.good = self.one.t[begin:end], self.one.good[begin:end]
+        self.cut, self.rows = Cut([self.one], ((0, begin, end),)), slice(begin, end)
+        self.t, self.good = self.one.t[self.rows], self.one.good[self.rows]
         self.omega = 2.0 * math.pi / self.one.period_s
         self.delays = [late * self.one.period_s for late in (0.0, *LATE)]
         self.volts = float(np.max(np.abs(self.one.u)))
+        self.hidden = hidden
         self.lines = [self._line(rows) for rows in self.pieces]
-        self.seen = [self._about(self.one.y[begin:end], w) for w in range(PIECES)]
+        self.seen = [self._about(self.one.y[self.rows], w) for w in range(PIECES)]
 
     def cells(self, quicker: float, zeta: float, shares: Values) -> list[Cell]:
         """A plant of K_L 1, without and with each delay, brought to the recording's size."""
         omega_n = quicker * self.omega
         half = self._half(omega_n, zeta)
         sizes = self._sizes(omega_n / (2.0 * zeta), half, shares)
+        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, sizes)
+        return self._compared(self._answer(omega_n, zeta, sizes), plain)
+
+    def shaken(self, plain: Cell) -> Cell:
+        """The plant with the disturbance that makes up for what it leaves at the hidden frequency."""
+        assert self.hidden is not None  # noqa: S101 - without it there is none
+        whole = {f"{SHAKEN}.cosine": plain.omega_n * self.omega, f"{SHAKEN}.sine": 0.0}
+        whole[f"{SHAKEN}.omega"] = self.hidden
+        still = self._answer(plain.omega_n, plain.zeta, {})
+        moved = self._at_hidden(self._answer(plain.omega_n, plain.zeta, whole) - still)
+        late = np.interp(self.t - plain.delay, self.t, still)
+        share = self._at_hidden(self.one.y[self.rows] - plain.K_L * late) / moved
+        sizes = {
+            f"{SHAKEN}.cosine": share.real * whole[f"{SHAKEN}.cosine"],
+            f"{SHAKEN}.sine": -share.imag * whole[f"{SHAKEN}.cosine"],
+        }
+        return plain._replace(sizes=whole | sizes)
+
+    def _at_hidden(self, y: Array) -> complex:
+        """What of `y` has the hidden frequency: its real part times exp(j omega t) is that."""
+        found = complex(0.0)
+        for rows in self.pieces:
+            *_, cosine, sine = np.linalg.lstsq(self._columns(rows), y[rows][self.good[rows]])[0]
+            found += complex(cosine, -sine) / PIECES
+        return found
+
+    def _answer(self, omega_n: float, zeta: float, sizes: Values) -> Array:
+        """Of a plant of K_L 1 from rest, shape (n,)."""
         record = parameters(
             1.0,
             omega_n,
@@ -153,9 +211,7 @@ class _Grid:
             accuracy=tolerance(omega_n, zeta, self.tick),
             measures_speed=float(self.one.sees_speed),
         )
-        answer = simulate(record, self.cut, np.zeros((1, STATES)))
-        plain = Cell(math.inf, 1.0, omega_n, zeta, 0.0, half, sizes)
-        return self._compared(answer, plain)
+        return simulate(record, self.cut, np.zeros((1, STATES)))
 
     def _half(self, omega_n: float, zeta: float) -> float:
         """Half of the limit cycle's swing without friction or play."""
@@ -195,10 +251,16 @@ class _Grid:
         return plain._replace(cost=cost, K_L=K_L, delay=delay, half=size * plain.half, sizes=sizes)
 
     def _line(self, rows: slice) -> Array:
-        """Orthonormal columns of what an initial state may add: a place, and of a position a slope."""
-        t, good = self.t[rows], self.good[rows]
-        columns = np.stack([np.ones(len(t)), t - t.mean()], axis=1)[good]
-        return np.asarray(np.linalg.qr(columns[:, : 1 if self.one.sees_speed else 2])[0])
+        """Orthonormal columns of what is not compared: what an initial state may add, and what is hidden."""
+        return np.asarray(np.linalg.qr(self._columns(rows))[0])
+
+    def _columns(self, rows: slice) -> Array:
+        """A place, of a position a slope, and of a hidden frequency cosine and sine; shape (n, 1 to 4)."""
+        t = self.t[rows][self.good[rows]]
+        columns = [np.ones(len(t))] if self.one.sees_speed else [np.ones(len(t)), t - t.mean()]
+        if self.hidden is not None:
+            columns += [np.cos(self.hidden * t), np.sin(self.hidden * t)]
+        return np.stack(columns, axis=1)
 
     def _about(self, y: Array, w: int) -> Array:
         """What a piece has beside what an initial state may add; `y` of shape (..., n)."""

@@ -155,11 +155,15 @@ class Screen:
         model, begun = parent.model, []
         for name in further_causes(model.scales, model.names):
             if name not in but and name in BEGUN:
-                own, sign = group(name, model.scales).starts[0], model.coordinates[0].scale
+                searched, sign = group(name, model.scales), model.coordinates[0].scale
+                own = next(iter(searched.starts), {})
                 some = [
-                    one for one in self.cells if one.K_L * sign > 0.0 and one.begins({*model.names, name})
+                    own | one.values()
+                    for one in self.cells
+                    if one.K_L * sign > 0.0 and one.begins({*model.names, name})
                 ]
-                begun += [Entrant(parent, name, own | one.values()) for one in some]
+                places = {each.place for each in searched.coordinates}
+                begun += [Entrant(parent, name, start) for start in some if places <= start.keys()]
         return begun
 
     def promising(self, some: Iterable[Entrant]) -> list[Entrant]:

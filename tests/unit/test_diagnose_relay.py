@@ -17,6 +17,7 @@ from seod.data import Recording
 from seod.diagnose.begin import baseline, scales
 from seod.diagnose.budget import Budget
 from seod.diagnose.cells import Cell, cells
+from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_causes
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.judge import refined, settled
@@ -42,13 +43,14 @@ GIVES = {"coulomb_friction": {"level": 1500.0}, "lugre_friction": {"stiffness": 
 PLAYS = {"backlash": {"gap": 0.15}}
 BOTH = {"coulomb_friction": {"level": 2500.0}, "backlash": {"gap": 0.1}}
 SWINGS = {"load_resonance": {"inertia": 1.0, "omega": 190.0, "zeta": 0.05}}
+LOCKS = {"periodic_disturbance": {"amplitude": 9000.0, "omega": 88.0, "phase": 0.4}}
 WAVES = {"position_ripple": {"amplitude": 0.08, "wavenumber": 20.0, "phase": 0.3}}
 
 
 @cache
 def recorded(kind):
     """Series of the plant written apart under a relay, whose threshold it crosses between samples."""
-    every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES}
+    every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES, "locks": LOCKS}
     effects = (every | {"swings": SWINGS})[kind]
     plant = Plant(*TRUTH.values(), effects)
     y, u, places = np.empty(N), np.empty(N), np.empty(N)
@@ -117,6 +119,7 @@ def test_commands_of_another_kind_keep_all_samples():
         ("plays", ["backlash"]),
         ("gives", ["coulomb_friction", "lugre_friction"]),
         ("both", ["coulomb_friction", "backlash"]),
+        ("locks", ["periodic_disturbance"]),
     ],
 )
 def test_the_grid_leads_to_the_cause(kind, causes):
@@ -127,6 +130,18 @@ def test_the_grid_leads_to_the_cause(kind, causes):
     assert 2 <= len(begun) <= 4
     found = (fit(model, few, x, simulated_states(model, x, few), most=25) for x in begun)
     assert any(excess(each, few) < 1.1 for each in found)
+
+
+def test_the_disturbance_to_which_a_relay_has_locked_is_that_of_the_plant_in_the_grid():
+    one, _ = recorded("locks")
+    assert relay_period_s(one.t, one.u) == pytest.approx(2.0 * np.pi / 88.0, rel=1e-3)
+    near = [each for each in cells(sparse(pieces(cut([one])[0]))) if each.causes == {"periodic_disturbance"}]
+    best = min(near, key=lambda each: each.cost)
+    assert abs(best.K_L / TRUTH["K_L"] - 1.0) < 0.2
+    told = {of.split(".")[1]: value for of, value in best.sizes.items()}
+    assert told["omega"] == pytest.approx(88.0, rel=1e-3)
+    assert math.hypot(told["cosine"], told["sine"]) == pytest.approx(9000.0, rel=0.3)
+    assert math.atan2(told["cosine"], told["sine"]) == pytest.approx(0.4, abs=0.4)
 
 
 def test_a_delay_moves_the_answer_of_the_grid():
@@ -158,6 +173,10 @@ def test_a_cell_is_a_start_of_the_sets_that_it_knows():
     assert not both.begins({"coulomb_friction"})
     assert both.values() == plain | {"backlash.gap": 0.1}
     assert late.values()["valve_lag.time"] == 0.01
+    shaken = prompt._replace(sizes={"periodic_disturbance.omega": 30.0})
+    assert shaken.begins({"periodic_disturbance", "load_bias"})
+    assert not shaken.begins({"load_bias"})
+    assert not shaken.begins({"periodic_disturbance", "backlash"})
 
 
 def test_bristles_are_tried_from_the_cells_of_plain_friction():
