@@ -196,6 +196,7 @@ def test_bristles_are_tried_from_the_cells_of_plain_friction():
     assert screened.extended([parent]) == []
     begun = [cell for cell in screened.cells if cell.begins(["coulomb_friction", "lugre_friction"])]
     assert tried.count("lugre_friction") == len(begun) > 0
+    assert "periodic_disturbance" not in tried  # none of these cells knows its size
 
 
 def test_plain_friction_is_also_tried_on_bristles():

@@ -1,4 +1,4 @@
-"""Runs `tests/vm/guest` once, each file in a guest with real SocketCAN and systemd, and reports each of its tests.
+"""Runs `tests/vm/guest` once, each file in a guest with real SocketCAN and systemd; reports each test.
 
 Not everyone can start the guest: it needs root and Debian's packages. Where it cannot run these tests are
 skipped; SEOD_REQUIRE_VM=1 makes that a failure, SEOD_SKIP_VM=1 leaves them out.
