@@ -131,7 +131,7 @@ def _shaken(cut: Cut) -> list[Cell]:
         return []
     grid = _Grid(cut, 2.0 * math.pi / period)
     every = [cell for at in product(QUICKER_SHAKEN, DAMPINGS) for cell in grid.cells(*at, {})]
-    return [grid.shaken(cell) for cell in _kept(every)]
+    return [grid.shaken(cell) for cell in _kept(every) if math.isfinite(cell.cost)]
 
 
 def _kept(some: Sequence[Cell]) -> list[Cell]:

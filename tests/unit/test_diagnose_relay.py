@@ -144,6 +144,14 @@ def test_the_disturbance_to_which_a_relay_has_locked_is_that_of_the_plant_in_the
     assert math.atan2(told["cosine"], told["sine"]) == pytest.approx(0.4, abs=0.4)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_where_samples_are_missing_no_plant_is_said_to_be_shaken():
+    few = sparse(pieces(cut([recorded("locks")[0]])[0]))
+    (one,) = few.series
+    none = replace(one, good=np.zeros_like(one.good))
+    assert not any(each.causes == {"periodic_disturbance"} for each in cells(Cut((none,), few.windows)))
+
+
 def test_a_delay_moves_the_answer_of_the_grid():
     one, _ = recorded("stalls")
     later = replace(one, y=np.roll(one.y, 8))
