@@ -34,6 +34,8 @@ LEAST: Final = 1e-4
 MOST: Final = 1e3
 """Friction over the pressure that accelerates the load: most of it where a relay nearly stalls the load. Its
 logarithm is searched: along the valleys between friction and plant all change in proportion."""
+WIDEST: Final = 12.0
+"""Play over the swing that it leaves, at most."""
 SHORTEST_LAG: Final = 0.1
 """Over the sampling interval, at least."""
 STEPS_SEEN: Final = 3.0
@@ -308,7 +310,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
     return {
         "backlash": _far(
             PLAYING,
-            _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, 3.0 * s.swing),
+            _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, WIDEST * s.swing),
             *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
         ),
         **_group(

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Self
 
+import numpy as np
+
+from seod.diagnose.coordinates import begun_from
 from seod.diagnose.fit import ENOUGH, Fitted, fit
+from seod.diagnose.left import ADEQUATE
 from seod.diagnose.score import HeldOut, held_out, wholes
 from seod.diagnose.states import alike_states, begun_states, carried_states
 
@@ -17,6 +21,10 @@ if TYPE_CHECKING:
 
 
 STEPS: Final = 15
+ELSEWHERE: Final = 8
+"""Steps of a fit: usually, and from each other plant of the grid."""
+UNEVEN: Final = 1.4
+"""Squared error of a window over another's from which on they are not fitted alike."""
 FINE_STEPS: Final = 40
 FINE: Final = 1e-6
 """Improvement of the mean log error below which a fit has settled."""
@@ -51,10 +59,24 @@ def settled(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
 
 
 def _refined(found: Fitted, cut: Cut, screen: Screen, most: int = STEPS, enough: float = ENOUGH) -> Fitted:
-    model, x = found.model, found.x
-    start = begun_states(model, x, cut, *_known(found, cut))
-    ended = screen.budget.last_fit()
-    return fit(model, cut, x, start, most, each=screen.each, ended=ended, enough=enough)
+    model, ended = found.model, screen.budget.last_fit()
+
+    def fitted(x: Array, steps: int) -> Fitted:
+        start = begun_states(model, x, cut, *_known(found, cut))
+        return fit(model, cut, x, start, steps, each=screen.each, ended=ended, enough=enough)
+
+    best = fitted(found.x, most)
+    if not _uneven(best):
+        return best
+    values = model.values(best.x)
+    others = [model.searched(begun_from(values, cell.values())) for cell in screen.plants(model, model.names)]
+    return min([best, *(fitted(x, ELSEWHERE) for x in others)], key=lambda one: one.cost)
+
+
+def _uneven(found: Fitted) -> bool:
+    """Whether it fits some windows and not the others, as another plant of its valley may."""
+    square = found.error / found.cut.allowed**2
+    return bool(np.min(square) < ADEQUATE and np.max(square) > UNEVEN * np.min(square))
 
 
 def _known(found: Fitted, cut: Cut) -> list[Array]:

@@ -155,16 +155,17 @@ class Screen:
         model, begun = parent.model, []
         for name in further_causes(model.scales, model.names):
             if name not in but and name in BEGUN:
-                searched, sign = group(name, model.scales), model.coordinates[0].scale
+                searched = group(name, model.scales)
                 own = next(iter(searched.starts), {})
-                some = [
-                    own | one.values()
-                    for one in self.cells
-                    if one.K_L * sign > 0.0 and one.begins({*model.names, name})
-                ]
+                some = [own | one.values() for one in self.plants(model, (*model.names, name))]
                 places = {each.place for each in searched.coordinates}
                 begun += [Entrant(parent, name, start) for start in some if places <= start.keys()]
         return begun
+
+    def plants(self, model: Model, names: Iterable[str]) -> list[Cell]:
+        """Those of the grid that a set of these effects may begin from, with the sign of the model's gain."""
+        sign = model.coordinates[0].scale
+        return [one for one in self.cells if one.K_L * sign > 0.0 and one.begins(names)]
 
     def promising(self, some: Iterable[Entrant]) -> list[Entrant]:
         """Those that promise the least cost first, few of them before starts far away: these promise none."""

@@ -12,6 +12,8 @@ from seod.diagnose.windows import Cut
 
 ALIKE: Final = 4.0
 """Squared error of a window, over the least of all, up to which another window may take its states."""
+PLACES: Final = (0.5, 0.0, 1.0)
+"""In a play where the load may have been at rest, over it."""
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,14 +40,19 @@ def travelled(one: Series) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
 
 
-def simulated_states(model: Model, x: Array, cut: Cut) -> Array:
-    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 7)."""
+def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
+    """Initial states with pressure and speed of one simulation of each whole recording, shape (w, 7).
+
+    It begins so many times a play from the flank that the load pulls at.
+    """
     start = measured_places(cut)
     record = model.record(x)
     for k in {of for of, _, _ in cut.windows}:
         whole = Cut(cut.series, ((k, 0, len(cut.series[k].t)),))
-        seen, states = inside(record, whole, measured_places(whole))
-        behind = record["backlash_gap"][0] > 0.0 and not model.sees_speed
+        begin, gap = measured_places(whole), float(record["backlash_gap"][0])
+        begin[:, LOOSE] = loose * gap
+        seen, states = inside(record, whole, begin)
+        behind = gap > 0.0 and not model.sees_speed
         for w, (of, first, _) in enumerate(cut.windows):
             if of == k:
                 start[w, :2] = states[first, :2]
@@ -112,8 +119,12 @@ def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Ar
 
 
 def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
-    """Initial states from which a fit begins, shape (w, 7): a simulation's or `some`, settled."""
-    start = best_states(model, x, cut, simulated_states(model, x, cut), *some)
+    """Initial states from which a fit begins, shape (w, 7): a simulation's or `some`, settled.
+
+    Where in a play the load was at rest shows until it has been at both flanks, beside friction for long.
+    """
+    places = PLACES if model.record(x)["backlash_gap"][0] > 0.0 else PLACES[:1]
+    start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)
     return settle(model, cut, x, start, cut.good, most=SETTLED)
 
 
