@@ -25,6 +25,7 @@ from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.model import grouped, tolerance
 from seod.diagnose.simulate import LOOSE, STATES, simulate
 from seod.diagnose.windows import Cut
+from sim.effects import STIFFEST
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ CONTACTS: Final = frozenset(place.split(".")[0] for shares in SHARES for place i
 """Effects that the grid has."""
 REST: Final = 0.5
 """Place in its play where the load begins, from a flank, over the play."""
-STEEPEST: Final = 1.1e-5
+STEEPEST: Final = 1.001 / STIFFEST
 """Least speed at which friction has fallen, over its level."""
 STALLED: Final = 1e-3
 """Least swing that a play is a share of, over half of that without effects."""
@@ -80,14 +81,23 @@ WORSE: Final = 10.0
 RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
 SHARED: Final = (0.01, 0.995)
 """Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, and shares."""
+SLIGHT: Final = 0.05
+"""Delay over the time of a radian of omega_n, up to which a plant may stand for one without."""
 KEPT: Final = 4
 KEPT_LATE: Final = 2
 """Cells that are kept, of different damping: without a delay, and with one."""
 DELAYS: Final = frozenset({"transport_delay", "valve_lag", "sensor_lag"})
 """Effects that may stand for its delay."""
 GIVE: Final = 0.04
-"""What bristles give way by, over half the swing."""
+STIFF: Final = 0.1
+"""What bristles give way by, over half the swing; a share of it by which they begin to settle."""
+BENT: Final = "lugre_friction.give"
+RUBBED: Final = 2
+"""Plants with plain friction that settle with bristles."""
+RUBS: Final = "coulomb_friction"
 SHAKEN: Final = "periodic_disturbance"
+STEADY: Final = ("lugre_friction.stiffness", "lugre_friction.damping")
+"""Of sizes: what a larger movement does not change."""
 BEGUN: Final = DELAYS | CONTACTS | {SHAKEN, "lugre_friction"}
 """Effects that may be tried from a cell; bristles give way so little that they begin as plain friction."""
 
@@ -116,23 +126,28 @@ class Cell(NamedTuple):
         """Whether a set of these effects may begin here."""
         late, own = not DELAYS.isdisjoint(names), self.causes
         return (
-            CONTACTS.intersection(names) == own - {SHAKEN}
-            and late == (self.delay > 0.0)
-            and (SHAKEN not in own or SHAKEN in names)
+            CONTACTS.intersection(names) == own & CONTACTS
+            and (late or self.delay * self.omega_n < SLIGHT)
+            and (not late or self.delay > 0.0)
+            and own - CONTACTS <= set(names)
         )
 
     def values(self) -> Values:
         """As a start, with the times of all that may stand for the delay."""
         own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
         own |= self.sizes
-        if self.causes == {"coulomb_friction"}:
+        if self.causes == {RUBS}:
             own |= bristles(self.sizes["coulomb_friction.level"], self.half)
         return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
 
+    def on_bristles(self) -> Cell:
+        """Where to settle with bristles that bear its friction."""
+        return self._replace(shares=self.shares | {BENT: STIFF})
 
-def bristles(level: float, half: float) -> Values:
+
+def bristles(level: float, half: float, share: float = 1.0) -> Values:
     """That bear a friction, of a load that swings so far either way."""
-    stiff = level / (GIVE * half)
+    stiff = min(level / (share * GIVE * half), STIFFEST * level)
     return {"lugre_friction.stiffness": stiff, "lugre_friction.damping": 0.5 * math.sqrt(stiff)}
 
 
@@ -145,6 +160,9 @@ def cells(cut: Cut) -> tuple[Cell, ...]:
         kinds.setdefault(some[0].causes, []).extend(some)
     for own in kinds.values():
         found += [grid.settled(cell) for cell in _kept(own)]
+    rubbed = [cell for cell in found if cell.causes == {RUBS} and cell.delay == 0.0]
+    rubbed.sort(key=lambda cell: cell.cost)
+    found += [grid.settled(cell.on_bristles()) for cell in rubbed[:RUBBED]]
     near = min(cell.cost for cell in found) + NEAR
     found += [grown.settled(cell) for cell in found if cell.cost < near]
     return (*found, *_shaken(cut))
@@ -307,6 +325,8 @@ class _Grid:
         if "stribeck_friction.level" in shares:
             falls = shares["stribeck_friction.speed"] * self.omega * half
             sizes["stribeck_friction.speed"] = max(falls, STEEPEST * sizes["stribeck_friction.level"])
+        if BENT in shares:
+            sizes |= bristles(sizes[f"{RUBS}.level"], half, shares[BENT])
         if "backlash.gap" in shares:
             moves = max(self._swing(omega_n, zeta, sizes), STALLED * half)
             sizes["backlash.gap"] = shares["backlash.gap"] * moves
@@ -333,7 +353,7 @@ class _Grid:
 
     def _sized(self, plain: Cell, cost: float, gain: float, delay: float) -> Cell:
         size, K_L = abs(gain), gain * plain.K_L
-        sizes = {of: size * value for of, value in plain.sizes.items()}
+        sizes = {of: value if of in STEADY else size * value for of, value in plain.sizes.items()}
         return plain._replace(cost=cost, K_L=K_L, delay=delay, half=size * plain.half, sizes=sizes)
 
     def _line(self, rows: slice) -> Array:

@@ -136,7 +136,7 @@ class Screen:
         last = sum(one.found.cost < ranked[0].found.cost + NEAR for one in ranked)
         last = max(last, FRONT)
         better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
-        better += self._richer(better[:last])
+        better += self._richer(better)
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
 
@@ -231,7 +231,12 @@ class Screen:
         """The same with friction borne by bristles: best perhaps where plain friction is far from it."""
         at, ended = one.found, self.budget.trial()
         model, values = at.model.with_effect("lugre_friction"), at.model.values(at.x)
-        x = model.searched(values | bristles(values["coulomb_friction.level"], model.scales.swing))
+        bent = [cell for cell in self.plants(model, model.names) if "lugre_friction" in cell.causes]
+        if bent:
+            begin = begun_from(values, min(bent, key=lambda cell: cell.cost).values())
+        else:
+            begin = values | bristles(values["coulomb_friction.level"], model.scales.swing)
+        x = model.searched(begin)
         return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
 
     def imitates(self, found: Fitted) -> bool:
