@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 BEFORE: Final = 12.0
 PIECES: Final = 3
 LONG: Final = 5.0
-"""Limit cycles from rest until a plant is compared, pieces in which it is, and limit cycles in each."""
+FEWEST: Final = 20
+"""Limit cycles from rest until a plant is compared, pieces in which it is, and limit cycles and least samples
+in each."""
 QUICKER: Final = (*np.geomspace(0.8, 5.0, 14).tolist(), 7.0, 10.0)
 """omega_n over the limit cycle's frequency."""
 QUICKER_SHAKEN: Final = tuple(np.geomspace(0.4, 5.0, 18).tolist())
@@ -154,6 +156,8 @@ def bristles(level: float, half: float, share: float = 1.0) -> Values:
 def cells(cut: Cut) -> tuple[Cell, ...]:
     """Of a relay's recording: the best plants of each kind without a delay, and the best with one."""
     grid, grown, found = _Grid(cut), _Grid(cut, grown=True), list[Cell]()
+    if not grid.pieces:
+        return ()
     kinds: dict[frozenset[str], list[Cell]] = {}
     for at in product(QUICKER, DAMPINGS, SHARES):
         some = grid.cells(*at)
@@ -208,12 +212,13 @@ class _Grid:
         cycle = self.one.period_s / self.tick
         begin = max(0, first - round(BEFORE * cycle))
         end = min(last, first + round(PIECES * LONG * cycle))
+        self.cut, self.rows = Cut([self.one], ((0, begin, end),)), slice(begin, end)
+        self.t, self.good = self.one.t[self.rows], self.one.good[self.rows]
         edges = np.linspace(first - begin, end - begin, PIECES + 1).astype(int).tolist()
         if grown and begin == 0 and edges[0] > cycle:
             edges = [0, *edges]
-        self.pieces = [slice(a, b) for a, b in pairwise(edges)]
-        self.cut, self.rows = Cut([self.one], ((0, begin, end),)), slice(begin, end)
-        self.t, self.good = self.one.t[self.rows], self.one.good[self.rows]
+        pieces = [slice(a, b) for a, b in pairwise(edges)]
+        self.pieces = [rows for rows in pieces if np.count_nonzero(self.good[rows]) > FEWEST]
         self.omega = 2.0 * math.pi / self.one.period_s
         self.delays = [late * self.one.period_s for late in (0.0, *LATE)]
         self.unit = 1.0 / float(np.max(np.abs(self.one.u)))

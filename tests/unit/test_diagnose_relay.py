@@ -127,7 +127,7 @@ def test_the_grid_leads_to_the_cause(kind, causes):
     few = sparse(pieces(cut([one])[0])).only((0, 1))
     model = model_of(one, *causes)
     begun = [model.searched(each.values()) for each in cells(few) if each.begins(causes)]
-    assert 2 <= len(begun) <= 4
+    assert 2 <= len(begun) <= 14
     found = (fit(model, few, x, simulated_states(model, x, few), most=25) for x in begun)
     assert any(excess(each, few) < 1.1 for each in found)
 
@@ -144,12 +144,11 @@ def test_the_disturbance_to_which_a_relay_has_locked_is_that_of_the_plant_in_the
     assert math.atan2(told["cosine"], told["sine"]) == pytest.approx(0.4, abs=0.4)
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_where_samples_are_missing_no_plant_is_said_to_be_shaken():
+def test_where_samples_are_missing_there_is_no_plant():
     few = sparse(pieces(cut([recorded("locks")[0]])[0]))
     (one,) = few.series
     none = replace(one, good=np.zeros_like(one.good))
-    assert not any(each.causes == {"periodic_disturbance"} for each in cells(Cut((none,), few.windows)))
+    assert cells(Cut((none,), few.windows)) == ()
 
 
 def test_a_delay_moves_the_answer_of_the_grid():
@@ -163,7 +162,7 @@ def test_a_delay_moves_the_answer_of_the_grid():
 
 
 def test_a_cell_is_a_start_of_the_sets_that_it_knows():
-    prompt = Cell(0.0, 2.0, 30.0, 0.3, 0.0, 0.5, {"coulomb_friction.level": 5.0})
+    prompt = Cell(0.0, 2.0, 30.0, 0.3, 0.0, 0.5, {"coulomb_friction.level": 5.0}, {})
     late = prompt._replace(delay=0.01)
     assert prompt.begins({"coulomb_friction", "load_bias"})
     assert not prompt.begins({"coulomb_friction", "sensor_lag"})
