@@ -14,6 +14,7 @@ from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
+from seod.diagnose import judge
 from seod.diagnose.begin import baseline, scales
 from seod.diagnose.budget import Budget
 from seod.diagnose.cells import Cell, cells
@@ -26,6 +27,7 @@ from seod.diagnose.select import excess
 from seod.diagnose.simulate import simulate
 from seod.diagnose.states import (
     alike_states,
+    begun_states,
     best_states,
     carried_states,
     measured_places,
@@ -42,6 +44,7 @@ STALLS = {"coulomb_friction": {"level": 5400.0}}
 GIVES = {"coulomb_friction": {"level": 1500.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
 PLAYS = {"backlash": {"gap": 0.15}}
 BOTH = {"coulomb_friction": {"level": 2500.0}, "backlash": {"gap": 0.1}}
+LOST = {"coulomb_friction": {"level": 5000.0}, "backlash": {"gap": 0.3}}
 SWINGS = {"load_resonance": {"inertia": 1.0, "omega": 190.0, "zeta": 0.05}}
 LOCKS = {"periodic_disturbance": {"amplitude": 9000.0, "omega": 88.0, "phase": 0.4}}
 WAVES = {"position_ripple": {"amplitude": 0.08, "wavenumber": 20.0, "phase": 0.3}}
@@ -51,7 +54,7 @@ WAVES = {"position_ripple": {"amplitude": 0.08, "wavenumber": 20.0, "phase": 0.3
 def recorded(kind):
     """Series of the plant written apart under a relay, whose threshold it crosses between samples."""
     every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES, "locks": LOCKS}
-    effects = (every | {"swings": SWINGS})[kind]
+    effects = (every | {"swings": SWINGS, "lost": LOST})[kind]
     plant = Plant(*TRUTH.values(), effects)
     y, u, places = np.empty(N), np.empty(N), np.empty(N)
     for k in range(N):
@@ -62,6 +65,12 @@ def recorded(kind):
     y = y + np.random.default_rng(3).normal(0.0, NOISE * np.std(y), N)
     rows = np.arange(1, N + 1)
     return series(Recording((Path("relay.csv"),), T, u, y, None, None, None, rows, {}, {}, ())), places
+
+
+@cache
+def gridded(kind):
+    """Its plants of the grid."""
+    return cells(sparse(pieces(cut([recorded(kind)[0]])[0])))
 
 
 def model_of(one, *names):
@@ -135,13 +144,88 @@ def test_the_grid_leads_to_the_cause(kind, causes):
 def test_the_disturbance_to_which_a_relay_has_locked_is_that_of_the_plant_in_the_grid():
     one, _ = recorded("locks")
     assert relay_period_s(one.t, one.u) == pytest.approx(2.0 * np.pi / 88.0, rel=1e-3)
-    near = [each for each in cells(sparse(pieces(cut([one])[0]))) if each.causes == {"periodic_disturbance"}]
+    near = [each for each in gridded("locks") if each.causes == {"periodic_disturbance"}]
     best = min(near, key=lambda each: each.cost)
     assert abs(best.K_L / TRUTH["K_L"] - 1.0) < 0.2
     told = {of.split(".")[1]: value for of, value in best.sizes.items()}
     assert told["omega"] == pytest.approx(88.0, rel=1e-3)
     assert math.hypot(told["cosine"], told["sine"]) == pytest.approx(9000.0, rel=0.3)
     assert math.atan2(told["cosine"], told["sine"]) == pytest.approx(0.4, abs=0.4)
+
+
+def noise_of(kind):
+    """Mean log squared error of nothing but the noise."""
+    return 2.0 * math.log(NOISE * np.std(recorded(kind)[0].y) / math.hypot(1.0, NOISE))
+
+
+def test_a_play_that_takes_most_of_the_swing_is_met_between_the_cells():
+    both = [each for each in gridded("lost") if each.causes == LOST.keys()]
+    assert min(each.cost for each in both) < noise_of("lost") + 0.05
+
+
+def test_bristles_of_the_grid_are_as_stiff_as_the_plants():
+    bent = [each for each in gridded("gives") if "lugre_friction" in each.causes]
+    best = min(bent, key=lambda each: each.cost)
+    assert best.cost < noise_of("gives") + 0.1
+    assert best.sizes["lugre_friction.stiffness"] == pytest.approx(1e5, rel=0.3)
+    assert pytest.approx(TRUTH["K_L"], rel=0.1) == best.K_L
+    assert best.begins({"coulomb_friction", "lugre_friction"})
+    assert not best.begins({"coulomb_friction"})
+
+
+def test_the_speed_at_which_friction_has_fallen_settles():
+    """Of plain friction: one that hardly falls within the speeds of the limit cycle."""
+    falls = [each for each in gridded("stalls") if each.causes == {"stribeck_friction"}]
+    assert min(each.cost for each in falls) < noise_of("stalls") + 0.5
+
+
+def test_a_command_may_be_measured_in_counts():
+    one = recorded("stalls")[0]
+    counts = replace(one, u=1e5 * one.u)
+    few = sparse(pieces(cut([counts])[0]))
+    volts = gridded("stalls")
+    for each, same in zip(cells(few), volts, strict=True):
+        ratio = each.K_L / same.K_L
+        assert ratio == pytest.approx(1e-5, rel=0.02)
+        assert each.cost == pytest.approx(same.cost, abs=0.02)
+
+
+def test_where_in_its_play_a_load_was_at_rest_is_found():
+    one = recorded("lost")[0]
+    every = Cut([one], ((0, 0, N // 4),))
+    model = model_of(one, *LOST)
+    x = searched(model, LOST)
+    start = begun_states(model, x, every)
+    left = one.y[: N // 4] - simulate(model.record(x), every, start)
+    assert np.mean(left**2) < 1.2 * math.exp(noise_of("lost"))
+
+
+def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(monkeypatch):
+    one = recorded("lost")[0]
+    windows = pieces(cut([one])[0]).only((0, 1))
+    model = model_of(one, *LOST)
+    far = searched(model, LOST, zeta=0.5)
+    truth = Cell(0.0, *TRUTH.values(), 0.0, 0.1, {"coulomb_friction.level": 5000.0, "backlash.gap": 0.3}, {})
+    screened = replace(screen(windows, map, Budget(time.process_time, 1e6)), cells=(truth,))
+    begun = fit(model, windows, far, simulated_states(model, far, windows), 0)
+    ends = []
+    for uneven in (False, True):
+        monkeypatch.setattr(judge, "_uneven", lambda found, uneven=uneven: uneven)
+        ends.append(excess(refined(begun, windows, screened), windows))
+    assert ends[1] < 1.1 < ends[0]
+
+
+@pytest.mark.parametrize(
+    ("squares", "uneven"), [((1.0, 1.1), False), ((1.0, 2.0), True), ((3.0, 9.0), False)]
+)
+def test_windows_are_fitted_unevenly_where_only_some_are_down_to_the_noise(squares, uneven):
+    one = recorded("stalls")[0]
+    windows = pieces(cut([one])[0]).only((0, 1))
+    model = model_of(one)
+    x = model.searched(TRUTH)
+    found = fit(model, windows, x, simulated_states(model, x, windows), 0)
+    told = replace(found, error=np.array(squares) * windows.allowed**2)
+    assert judge._uneven(told) is uneven
 
 
 def test_where_samples_are_missing_there_is_no_plant():
@@ -167,6 +251,9 @@ def test_a_cell_is_a_start_of_the_sets_that_it_knows():
     assert prompt.begins({"coulomb_friction", "load_bias"})
     assert not prompt.begins({"coulomb_friction", "sensor_lag"})
     assert late.begins({"coulomb_friction", "sensor_lag"})
+    slight = prompt._replace(delay=0.001)
+    assert slight.begins({"coulomb_friction"})
+    assert slight.begins({"coulomb_friction", "sensor_lag"})
     assert not late.begins({"coulomb_friction"})
     assert not prompt.begins({"backlash"})
     assert not prompt.begins({"backlash", "coulomb_friction"})
