@@ -25,7 +25,7 @@ from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.model import grouped, tolerance
 from seod.diagnose.simulate import LOOSE, STATES, simulate
 from seod.diagnose.windows import Cut
-from sim.effects import STIFFEST
+from sim.effects import LEAST, STIFFEST
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -254,7 +254,11 @@ class _Grid:
             there = low + (high - low) * expit(first + at - 1.0)
             quicker, zeta, *periods = np.exp(there[: len(plant)]).tolist()
             shares = dict(zip(cell.shares, there[len(plant) :].tolist(), strict=False))
-            found, remains = self._tried(quicker, zeta, shares, self.one.period_s * sum(periods), there[-1])
+            delay = self.one.period_s * sum(periods)
+            try:
+                found, remains = self._tried(quicker, zeta, shares, delay, there[-1])
+            except ValueError:  # a size that no plant may have
+                return [WORSE * seen for seen in self.seen]
             best = min(best, found, key=lambda one: one.cost)
             return remains if math.isfinite(found.cost) else [WORSE * seen for seen in self.seen]
 
@@ -334,7 +338,7 @@ class _Grid:
             sizes |= bristles(sizes[f"{RUBS}.level"], half, shares[BENT])
         if "backlash.gap" in shares:
             moves = max(self._swing(omega_n, zeta, sizes), STALLED * half)
-            sizes["backlash.gap"] = shares["backlash.gap"] * moves
+            sizes["backlash.gap"] = max(shares["backlash.gap"] * moves, LEAST["backlash.gap"])
         return sizes
 
     def _swing(self, omega_n: float, zeta: float, sizes: Values) -> float:
