@@ -35,6 +35,7 @@ from seod.diagnose.states import (
 )
 from seod.diagnose.windows import Cut, cut, pieces, series, sparse
 from sim.effects import EFFECTS
+from sim.parameters import parameters
 
 TICK, N, VOLTS = 1e-3, 8000, 1.85
 T = np.arange(N) * TICK
@@ -163,6 +164,15 @@ def test_a_play_that_takes_most_of_the_swing_is_met_between_the_cells():
     assert min(each.cost for each in both) < noise_of("lost") + 0.05
 
 
+def test_how_the_limit_cycle_grew_tells_the_plants_of_a_valley_apart():
+    one = recorded("lost")[0]
+    found = cells(Cut((one,), ((0, 1200, 4000), (0, 4000, 6000))))
+    both = [each for each in found if each.causes == LOST.keys() and each.cost < noise_of("lost") + 0.05]
+    wide = [each.sizes["backlash.gap"] for each in both]
+    assert max(wide) > 1.3 * LOST["backlash"]["gap"]
+    assert sum(abs(gap / LOST["backlash"]["gap"] - 1.0) < 0.05 for gap in wide) >= 2
+
+
 def test_bristles_of_the_grid_are_as_stiff_as_the_plants():
     bent = [each for each in gridded("gives") if "lugre_friction" in each.causes]
     best = min(bent, key=lambda each: each.cost)
@@ -188,6 +198,22 @@ def test_a_command_may_be_measured_in_counts():
         ratio = each.K_L / same.K_L
         assert ratio == pytest.approx(1e-5, rel=0.02)
         assert each.cost == pytest.approx(same.cost, abs=0.02)
+
+
+def test_a_plant_that_cannot_be_simulated_ends_no_search(monkeypatch):
+    few = sparse(pieces(cut([recorded("stalls")[0]])[0]))
+    asked = []
+
+    def refused(*given, **named):
+        asked.append(given)
+        if len(asked) > 4000:
+            raise ValueError("coulomb_friction.level must be within [0, 1e+06]")
+        return parameters(*given, **named)
+
+    monkeypatch.setattr("seod.diagnose.cells.parameters", refused)
+    monkeypatch.setattr("seod.diagnose.cells._shaken", lambda _: [])
+    assert len(cells(few)) > 20
+    assert len(asked) > 4000
 
 
 def test_where_in_its_play_a_load_was_at_rest_is_found():
