@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from seod.diagnose.ahead import Ahead
-from seod.diagnose.cells import BEGUN, CONTACTS, bristles, cells
+from seod.diagnose.cell import BEGUN, CONTACTS, bristles
+from seod.diagnose.cells import cells
 from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import RICHER_FRICTION, WAVES, begun_from, further_causes, group, remote
 from seod.diagnose.fit import Fitted, fit, settle
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.answer import Array
     from seod.diagnose.budget import Budget
-    from seod.diagnose.cells import Cell
+    from seod.diagnose.cell import Cell
     from seod.diagnose.coordinates import Values
     from seod.diagnose.fit import Each
     from seod.diagnose.model import Model

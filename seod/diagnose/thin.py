@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.cells import DELAYS
+from seod.diagnose.cell import DELAYS
 from seod.diagnose.fit import Fitted, fit
 from seod.diagnose.judge import Judged, gain, refined
 from seod.diagnose.states import begun_states

@@ -17,7 +17,8 @@ from seod.data import Recording
 from seod.diagnose import judge
 from seod.diagnose.begin import baseline, scales
 from seod.diagnose.budget import Budget
-from seod.diagnose.cells import Cell, cells
+from seod.diagnose.cell import Cell
+from seod.diagnose.cells import cells
 from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_causes
 from seod.diagnose.fit import Fitted, fit, settle
@@ -210,7 +211,7 @@ def test_a_plant_that_cannot_be_simulated_ends_no_search(monkeypatch):
             raise ValueError("coulomb_friction.level must be within [0, 1e+06]")
         return parameters(*given, **named)
 
-    monkeypatch.setattr("seod.diagnose.cells.parameters", refused)
+    monkeypatch.setattr("seod.diagnose.stretch.parameters", refused)
     monkeypatch.setattr("seod.diagnose.cells._shaken", lambda _: [])
     assert len(cells(few)) > 20
     assert len(asked) > 4000
