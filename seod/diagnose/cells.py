@@ -68,14 +68,14 @@ def cells(cut: Cut) -> tuple[Cell, ...]:
         return ()
     kinds: dict[frozenset[str], list[Cell]] = {}
     for at in product(QUICKER, DAMPINGS, SHARES):
-        some = grid.cells(*at)
-        kinds.setdefault(some[0].causes, []).extend(some)
+        for cell in grid.cells(*at):
+            kinds.setdefault(cell.causes, []).append(cell)
     for own in kinds.values():
         found += [grid.settled(cell) for cell in _kept(own)]
     rubbed = [cell for cell in found if cell.causes == {RUBS} and cell.delay == 0.0]
     rubbed.sort(key=lambda cell: cell.cost)
     found += [grid.settled(cell.on_bristles()) for cell in rubbed[:RUBBED]]
-    near = min(cell.cost for cell in found) + NEAR
+    near = min((cell.cost for cell in found), default=0.0) + NEAR
     found += [grown.settled(cell) for cell in found if cell.cost < near]
     return (*found, *_shaken(cut))
 

@@ -48,6 +48,8 @@ WORSE: Final = 10.0
 RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
 SHARED: Final = (0.01, 0.995)
 """Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, and shares."""
+STRONG: Final = 1e5
+"""Acceleration by which a plant is tried, at most [unit/s^2]."""
 STEADY: Final = ("lugre_friction.stiffness", "lugre_friction.damping")
 """Of sizes: what a larger movement does not change."""
 
@@ -83,8 +85,11 @@ class Stretch:
         self.seen = self._abouts(self.one.y[self.rows])
 
     def cells(self, quicker: float, zeta: float, shares: Values) -> list[Cell]:
-        """A plant without and with each delay, brought to the recording's size."""
-        plain, answer = self._plain(quicker, zeta, shares)
+        """A plant without and with each delay, brought to the recording's size; none if it has no such sizes."""
+        try:
+            plain, answer = self._plain(quicker, zeta, shares)
+        except ValueError:
+            return []
         return self._compared(answer, plain, self.delays)
 
     def _plain(self, quicker: float, zeta: float, shares: Values, rest: float = REST) -> tuple[Cell, Array]:
@@ -142,7 +147,7 @@ class Stretch:
     def shaken(self, plain: Cell) -> Cell:
         """The plant with the disturbance that makes up for what it leaves at the hidden frequency."""
         assert self.hidden is not None  # noqa: S101 - without it there is none
-        whole = {f"{SHAKEN}.cosine": plain.omega_n * self.omega, f"{SHAKEN}.sine": 0.0}
+        whole = {f"{SHAKEN}.cosine": min(plain.omega_n * self.omega, STRONG), f"{SHAKEN}.sine": 0.0}
         whole[f"{SHAKEN}.omega"] = self.hidden
         still = self._answer(plain.omega_n, plain.zeta, {})
         moved = self._at_hidden(self._answer(plain.omega_n, plain.zeta, whole) - still)
