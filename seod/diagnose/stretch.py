@@ -85,7 +85,7 @@ class Stretch:
         self.seen = self._abouts(self.one.y[self.rows])
 
     def cells(self, quicker: float, zeta: float, shares: Values) -> list[Cell]:
-        """A plant without and with each delay, brought to the recording's size; none if it has no such sizes."""
+        """A plant without and with each delay, brought to size; none where no plant has these sizes."""
         try:
             plain, answer = self._plain(quicker, zeta, shares)
         except ValueError:

@@ -26,7 +26,6 @@ from seod.diagnose.judge import refined, settled
 from seod.diagnose.screen import screen
 from seod.diagnose.select import excess
 from seod.diagnose.simulate import simulate
-from seod.diagnose.stretch import Stretch
 from seod.diagnose.states import (
     alike_states,
     begun_states,
@@ -35,6 +34,7 @@ from seod.diagnose.states import (
     measured_places,
     simulated_states,
 )
+from seod.diagnose.stretch import Stretch
 from seod.diagnose.windows import Cut, cut, pieces, series, sparse
 from sim.effects import EFFECTS
 from sim.parameters import parameters
@@ -228,7 +228,7 @@ def test_a_disturbance_is_tried_by_one_that_a_plant_may_have(monkeypatch):
     assert stretch.shaken(cell).sizes == pytest.approx(found, rel=1e-3)
 
 
-def test_where_in_its_playdef test_where_in_its_play_a_load_was_at_rest_is_found():
+def test_where_in_its_play_a_load_was_at_rest_is_found():
     one = recorded("lost")[0]
     every = Cut([one], ((0, 0, N // 4),))
     model = model_of(one, *LOST)
