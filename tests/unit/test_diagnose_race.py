@@ -12,7 +12,7 @@ from diagnose_truth import linear, multisine, recording
 
 from seod.diagnose.begin import baseline, scales
 from seod.diagnose.budget import FURTHER_S, LONG, Budget, further_s
-from seod.diagnose.cells import DELAYS
+from seod.diagnose.cell import DELAYS
 from seod.diagnose.coordinates import Scales, group, plain_form, remote
 from seod.diagnose.fit import Search
 from seod.diagnose.screen import FIRST, Entrant, Runner, best_starts, screen
