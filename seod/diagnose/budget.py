@@ -59,6 +59,10 @@ class Budget:
         self.missed |= over
         return over
 
+    def excuse(self, since: float) -> None:
+        """What was used since then, by the clock, does not count."""
+        self._begin += self.clock() - since
+
     def trial(self, part: float = TRIAL) -> Callable[[], bool]:
         """Tells when one trial has had its part, or nothing is left at all."""
         over = self._after(part * self.total)

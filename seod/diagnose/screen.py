@@ -319,5 +319,7 @@ def screen(every: Cut, each: Each, budget: Budget) -> Screen:
     cut = sparse(sample(every, SCREENED_S))
     count = max(2, round(len(cut.windows) * PROBED_S / SCREENED_S))
     few = np.unique(np.linspace(0, len(cut.windows) - 1, count).round().astype(int))
+    since = budget.clock()
     begun = cells(cut) if all(one.relayed for one in every.series) else ()
+    budget.excuse(since)
     return Screen(every, cut, tuple(few.tolist()), each, budget, begun)

@@ -439,3 +439,19 @@ def test_the_valley_between_friction_and_plant_is_followed():
     x = searched(model, {"coulomb_friction": {"level": 4000.0}}, K_L=5.0, omega_n=150.0, zeta=0.06)
     found = fit(model, few, x, simulated_states(model, x, few), most=15)
     assert excess(found, few) < 1.22  # 1.28 without initial states looked for
+
+
+def test_the_grid_takes_no_time_from_the_search(monkeypatch):
+    now = [0.0]
+    budget = Budget(lambda: now[0], 10.0)
+
+    def slow(_):
+        now[0] += 9.0
+        return ()
+
+    monkeypatch.setattr("seod.diagnose.screen.cells", slow)
+    screen(pieces(cut([recorded("stalls")[0]])[0]), map, budget)
+    now[0] += 9.0
+    assert not budget.spent
+    now[0] += 2.0
+    assert budget.spent
