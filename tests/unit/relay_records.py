@@ -1,0 +1,72 @@
+"""Recordings of a plant under a relay, by the one written apart, and models to fit to them."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from diagnose_models import sized_model
+from plant_truth import PLACE, Plant
+
+from seod.data import Recording
+from seod.diagnose.cells import cells
+from seod.diagnose.coordinates import Scales
+from seod.diagnose.windows import cut, pieces, series, sparse
+
+TICK, N, VOLTS = 1e-3, 8000, 1.85
+T = np.arange(N) * TICK
+NOISE = 0.01
+TRUTH = {"K_L": 13.0, "omega_n": 113.0, "zeta": 0.17}
+STALLS = {"coulomb_friction": {"level": 5400.0}}
+GIVES = {"coulomb_friction": {"level": 1500.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
+PLAYS = {"backlash": {"gap": 0.15}}
+BOTH = {"coulomb_friction": {"level": 2500.0}, "backlash": {"gap": 0.1}}
+LOST = {"coulomb_friction": {"level": 5000.0}, "backlash": {"gap": 0.3}}
+SWINGS = {"load_resonance": {"inertia": 1.0, "omega": 190.0, "zeta": 0.05}}
+LOCKS = {"periodic_disturbance": {"amplitude": 9000.0, "omega": 88.0, "phase": 0.4}}
+WAVES = {"position_ripple": {"amplitude": 0.08, "wavenumber": 20.0, "phase": 0.3}}
+
+
+@cache
+def recorded(kind):
+    """Series of the plant written apart under a relay, whose threshold it crosses between samples."""
+    every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES, "locks": LOCKS}
+    effects = (every | {"swings": SWINGS, "lost": LOST})[kind]
+    plant = Plant(*TRUTH.values(), effects)
+    y, u, places = np.empty(N), np.empty(N), np.empty(N)
+    for k in range(N):
+        plant.advance(T[k])
+        y[k], places[k] = plant.reading(plant.w), plant.w[PLACE]
+        u[k] = -VOLTS if y[k] > 0.0 else VOLTS
+        plant.command(u[k])
+    y = y + np.random.default_rng(3).normal(0.0, NOISE * np.std(y), N)
+    rows = np.arange(1, N + 1)
+    return series(Recording((Path("relay.csv"),), T, u, y, None, None, None, rows, {}, {}, ())), places
+
+
+@cache
+def gridded(kind):
+    """Its plants of the grid."""
+    return cells(sparse(pieces(cut([recorded(kind)[0]])[0])))
+
+
+def model_of(one, *names):
+    """A model with these effects, in sizes of the recording."""
+    rough = Scales(VOLTS, 10.0, 600.0, 0.0, 1.0, 0.5, 100.0, 8.0, TICK)
+    return sized_model(one, rough, TRUTH, names)
+
+
+def searched(model, effects, **base):
+    values = {f"{name}.{of}": value for name, own in effects.items() for of, value in own.items()}
+    for name in {"position_ripple"} & effects.keys():
+        own = effects[name]
+        values[f"{name}.cosine"] = own["amplitude"] * math.sin(own["phase"])
+        values[f"{name}.sine"] = own["amplitude"] * math.cos(own["phase"])
+    return model.searched(TRUTH | base | values)
+
+
+def noise_of(kind):
+    """Mean log squared error of nothing but the noise."""
+    return 2.0 * math.log(NOISE * np.std(recorded(kind)[0].y) / math.hypot(1.0, NOISE))
