@@ -23,7 +23,7 @@ from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.rated import rated
 from seod.diagnose.score import held_out
 from seod.diagnose.screen import screen
-from seod.diagnose.select import grow
+from seod.diagnose.select import excess, grow
 from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series
 
@@ -44,6 +44,14 @@ DIFFERENT: Final = 0.2
 """Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
 MOSTLY_NOISE: Final = 0.7
 """NRMSE of noise alone from which on nothing can be told."""
+OVERDAMPED: Final = 2.0
+"""Damping from which on one rate of a plant hardly shows."""
+DAMPED: Final = 1.5
+"""Damping of a plant in its place."""
+FAR_OFF: Final = 3.0
+"""Squared error of such a plant over the noise's."""
+AS_GOOD: Final = 0.1
+"""Further mean log error of the other one."""
 WORKERS: Final = 2
 
 
@@ -179,14 +187,30 @@ def _search(start: _Start, way: _Way) -> Found:
 def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[Fitted]:
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
-    roots = [fit(model, screened.cut, base.x, screened.start(model, base.x))]
+    roots = [_swifter(fit(model, screened.cut, base.x, screened.start(model, base.x)))]
     for one in (begun.near, begun.other):
         other = replace(one.model, scales=sizes)
         start, nothing = screened.start(other, one.x), np.zeros(len(one.x), np.bool_)
-        root = fit(other, screened.cut, one.x, start, free=nothing)
+        root = _swifter(fit(other, screened.cut, one.x, start, free=nothing))
         if all(_differ(root, each) for each in roots):
             roots.append(root)
     return roots
+
+
+def _swifter(root: Fitted) -> Fitted:
+    """In the place of an overdamped plant far from the noise one that is hardly damped so, if as good.
+
+    Of its two rates samples show the slower one: the other is where fits end by chance, often as fast as can
+    be, and slow to simulate. Once an effect accounts for what the damping did, both rates count.
+    """
+    values = root.model.values(root.x)
+    if values["zeta"] < OVERDAMPED or excess(root, root.cut) < FAR_OFF:
+        return root
+    part = DAMPED / values["zeta"]
+    x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": DAMPED})
+    free = np.array([each.place != "omega_n" for each in root.model.coordinates])
+    found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
+    return found if found.cost < root.cost + AS_GOOD else root
 
 
 def _differ(one: Fitted, other: Fitted) -> bool:
