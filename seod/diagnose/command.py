@@ -7,8 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
-
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import Begun, baseline, scales
 from seod.diagnose.budget import Budget, further_s
@@ -16,14 +14,15 @@ from seod.diagnose.choose import choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
-from seod.diagnose.fit import fit, weighted
+from seod.diagnose.fit import fit
 from seod.diagnose.halves import finer, one_sided
 from seod.diagnose.judge import Judged
 from seod.diagnose.name import Chosen, found_effects
 from seod.diagnose.rated import rated
+from seod.diagnose.roots import roots
 from seod.diagnose.score import held_out
 from seod.diagnose.screen import screen
-from seod.diagnose.select import excess, grow
+from seod.diagnose.select import grow
 from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series
 
@@ -33,25 +32,14 @@ if TYPE_CHECKING:
     from seod.config.model import RigConfig
     from seod.data import Recording
     from seod.diagnose.answer import Diagnosis, Output
-    from seod.diagnose.coordinates import Scales
-    from seod.diagnose.fit import Each, Fitted
+    from seod.diagnose.fit import Each
     from seod.diagnose.screen import Screen
     from seod.diagnose.windows import Cut, Series
 
     Progress = Callable[[str, float], None]
 
-DIFFERENT: Final = 0.2
-"""Relative difference of K_L, omega_n or zeta above which the local fit is a start of its own."""
 MOSTLY_NOISE: Final = 0.7
 """NRMSE of noise alone from which on nothing can be told."""
-OVERDAMPED: Final = 2.0
-"""Damping from which on one rate of a plant hardly shows."""
-DAMPED: Final = 1.5
-"""Damping of a plant in its place."""
-FAR_OFF: Final = 3.0
-"""Squared error of such a plant over the noise's."""
-AS_GOOD: Final = 0.1
-"""Further mean log error of the other one."""
 WORKERS: Final = 2
 
 
@@ -172,9 +160,9 @@ def _search(start: _Start, way: _Way) -> Found:
     sizes = scales(begun.near, screened.cut)
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
-    roots = _roots(base.found, begun, sizes, screened)
+    starts = roots(base.found, begun, sizes, screened)
     progress("trying causes", 0.1)
-    grown = grow(screened, roots, lambda part: progress("trying causes", 0.1 + 0.5 * part))
+    grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
     choice = choose(base, grown, small, aside, screened)
     progress("measuring the gain", 0.8)
@@ -182,39 +170,3 @@ def _search(start: _Start, way: _Way) -> Found:
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.found, to_fit).held
     return Found(choice.base.found, choice.base.held, chosen, seen, tuple(effects), grown)
-
-
-def _roots(base: Fitted, begun: Begun, sizes: Scales, screened: Screen) -> list[Fitted]:
-    """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
-    model = replace(base.model, scales=sizes)
-    roots = [_swifter(fit(model, screened.cut, base.x, screened.start(model, base.x)))]
-    for one in (begun.near, begun.other):
-        other = replace(one.model, scales=sizes)
-        start, nothing = screened.start(other, one.x), np.zeros(len(one.x), np.bool_)
-        root = _swifter(fit(other, screened.cut, one.x, start, free=nothing))
-        if all(_differ(root, each) for each in roots):
-            roots.append(root)
-    return roots
-
-
-def _swifter(root: Fitted) -> Fitted:
-    """In the place of an overdamped plant far from the noise one that is hardly damped so, if as good.
-
-    Of its two rates samples show the slower one: the other is where fits end by chance, often as fast as can
-    be, and slow to simulate. Once an effect accounts for what the damping did, both rates count.
-    """
-    values = root.model.values(root.x)
-    if values["zeta"] < OVERDAMPED or excess(root, root.cut) < FAR_OFF:
-        return root
-    part = DAMPED / values["zeta"]
-    x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": DAMPED})
-    free = np.array([each.place != "omega_n" for each in root.model.coordinates])
-    found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
-    return found if found.cost < root.cost + AS_GOOD else root
-
-
-def _differ(one: Fitted, other: Fitted) -> bool:
-    """Whether two plants simulate the same windows otherwise, by what they leave of them."""
-    residuals = [weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (one, other)]
-    apart = float(np.linalg.norm(residuals[0] - residuals[1]))
-    return apart > DIFFERENT * min(float(np.linalg.norm(each)) for each in residuals)
