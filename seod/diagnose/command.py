@@ -151,13 +151,13 @@ def _started(to_fit: Cut, aside: Cut, way: _Way) -> _Start:
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
         )
-    return _Start(to_fit, aside, screened, begun, Judged(base, plain))
+    return _Start(to_fit, aside, screened.watching(base), begun, Judged(base, plain))
 
 
 def _search(start: _Start, way: _Way) -> Found:
     to_fit, aside, screened, begun, base = start
     small, progress = pieces(to_fit), way.progress
-    sizes = scales(begun.near, screened.cut)
+    sizes = scales(begun.near, begun.near.cut)
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
     starts = roots(base.found, begun, sizes, screened)

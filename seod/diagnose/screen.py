@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
+RARE: Final = 4.0
+"""Squared error in a window over the most in those, from which on it is one of them."""
 GLANCING: Final = 0.6
 """Of the time that is left when a race begins, what its glances may use."""
 FIRST: Final = 12
@@ -114,6 +116,24 @@ class Screen:
             return [act(some[0], self)]
         alone = replace(self, each=map)
         return list(self.each(lambda one: act(one, alone), some))
+
+    def watching(self, base: Fitted) -> Screen:
+        """With the window of which this leaves by far the most, if not yet: an effect may show in no other.
+
+        `base` is fitted to all windows. A relay's are alike.
+        """
+        windows, few = self.every.windows, [self.cut.windows[k] for k in self.few]
+        if any(one.relayed for one in self.every.series):
+            return self
+        square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
+        worst = max(windows, key=lambda one: square[one])
+        if square[worst] < RARE * max(square[one] for one in few):
+            return self
+        some = [k for k, one in enumerate(windows) if one == worst or one in self.cut.windows]
+        at = windows.index(worst)
+        nearest = min(few, key=lambda one: abs(windows.index(one) - at))
+        watched = sorted(some.index(windows.index(one)) for one in {worst, *few} - {nearest})
+        return replace(self, cut=self.every.only(some), few=tuple(watched))
 
     def start(self, parent: Model, x: Array) -> Array:
         """Initial states on `cut` for a model fitted elsewhere, shape (w, 7)."""
