@@ -10,10 +10,10 @@ import numpy as np
 
 from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
 from seod.diagnose.experiment import beyond_a_relay, next_experiment
-from seod.diagnose.halves import one_sided
+from seod.diagnose.halves import misfits, one_sided
 from seod.diagnose.intervals import base_sd, covariance
 from seod.diagnose.judge import Judged
-from seod.diagnose.left import unexplained
+from seod.diagnose.left import left_by_fits, unexplained
 from seod.diagnose.score import drawn, nrmse, score, wholes, windows
 
 if TYPE_CHECKING:
@@ -108,9 +108,13 @@ def _near(held: HeldOut) -> Mask:
 def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
     """What is left, and a remark where windows that were fitted show it alone; `base` is of those."""
     left = unexplained(found.held, found.chosen.held)
-    if left.fraction > 0.0 or not one_sided(found.seen, found.chosen.held):
+    if left.fraction > 0.0:
         return left, ()
-    return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
+    if one_sided(found.seen, found.chosen.held):
+        return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
+    if misfits(found.chosen.found):
+        left = left_by_fits(found.base, found.chosen.found, found.seen)
+    return left, (RARE,) if left.fraction > 0.0 else ()
 
 
 def _experiment(found: Found, aside: Cut) -> NextExperiment | None:

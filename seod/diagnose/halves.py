@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from seod.diagnose.judge import Judged
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.windows import cut
@@ -25,6 +27,14 @@ def one_sided(fitted: HeldOut, held: HeldOut) -> bool:
     """Whether one half shows something of which there is nothing in the other."""
     less, more = sorted((fitted.adequacy, held.adequacy))
     return less < ADEQUATE and more > SEEN
+
+
+def misfits(found: Fitted) -> bool:
+    """Whether it leaves more than noise of a window that it was fitted to, as where a limit cycle grows.
+
+    Two lags may pass for a limited rate at one amplitude, which is all that windows held out show.
+    """
+    return bool(np.max(found.error / found.cut.allowed**2) > SEEN)
 
 
 def finer(every: Sequence[Series], aside: int, found: Fitted) -> tuple[Cut, Cut] | None:

@@ -11,6 +11,7 @@ from seod.identify.spread import correlation_time
 
 if TYPE_CHECKING:
     from seod.diagnose.answer import Array
+    from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
 
 ADEQUATE: Final = 1.15
@@ -27,11 +28,21 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     """The share of the baseline's squared error above the noise that remains."""
     if extended.adequacy < ADEQUATE:
         return Unexplained(0.0)
-    before, after = _above_noise(baseline), _above_noise(extended)
+    return _left(_above_noise(baseline), _above_noise(extended), extended)
+
+
+def left_by_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
+    """The same of the windows that both were fitted to; `seen` is the model's simulation of these."""
+    before, after = (float(np.mean(one.error - one.cut.allowed**2)) for one in (baseline, extended))
+    return _left(before, after, seen)
+
+
+def _left(before: float, after: float, extended: HeldOut) -> Unexplained:
+    """By squared errors above the noise."""
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
     if fraction < NEGLIGIBLE:
         return Unexplained(0.0)
-    shares = dict(sorted(_shares(extended).items(), key=lambda one: -one[1]))
+    shares = _shares(extended)
     named = tuple(name for name, share in shares.items() if share > SHARE)
     return Unexplained(fraction, named, shares)
 
@@ -42,7 +53,7 @@ def _above_noise(held: HeldOut) -> float:
 
 
 def _shares(held: HeldOut) -> dict[str, float]:
-    """Share of the residual that a function of each signal alone tells, by means over its quantiles."""
+    """Share of the residual that a function of each signal alone tells, by means over quantiles; sorted."""
     rows = held.scored
     residual = held.error[rows]
     signals = {
@@ -55,7 +66,8 @@ def _shares(held: HeldOut) -> dict[str, float]:
     if all(len(one.supply) for one in held.cut.series):
         signals["supply_pressure"] = held.cut.gathered("supply")
     independent = max(len(residual) / max(correlation_time(residual), 1.0), _BINS + 2.0)
-    return {name: _share(residual, signal[rows], independent) for name, signal in signals.items()}
+    shares = {name: _share(residual, signal[rows], independent) for name, signal in signals.items()}
+    return dict(sorted(shares.items(), key=lambda one: -one[1]))
 
 
 def _share(residual: Array, signal: Array, independent: float) -> float:
