@@ -134,3 +134,16 @@ def test_wilsons_interval_holds_what_is_known():
     assert wilson(50, 100) == pytest.approx((0.4038, 0.5962), abs=1e-4)
     assert wilson(100, 100)[0] == pytest.approx(0.963, abs=1e-3)
     assert wilson(0, 0) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(16811, id="the valve reaches its end in one window alone"),
+        pytest.param(16847, id="a limited rate is told from two lags by how the limit cycle grows"),
+    ],
+)
+def test_what_hardly_shows_is_told(tmp_path, number):
+    case = draw(number, duration=SECONDS)
+    told = told_of(case, tmp_path)
+    assert outcome(case.kind, case.causes, told) == "exact", (case, told)

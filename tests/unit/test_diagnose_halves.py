@@ -4,10 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnose_truth import RATE, linear, multisine, recording
+from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
+from seod.diagnose.begin import _rough
 from seod.diagnose.command import diagnose
-from seod.diagnose.conclude import RARE
+from seod.diagnose.conclude import RARE, Found, _left_over
+from seod.diagnose.fit import fit
+from seod.diagnose.judge import Judged
+from seod.diagnose.model import baseline_model
+from seod.diagnose.name import Chosen
+from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, series
 
 T = np.arange(12000) / RATE
@@ -45,3 +51,28 @@ def test_what_happens_once_is_not_told_to_be_nothing():
 def test_there_are_so_many_windows_more(finer, count):
     fitted, held = cut([series(rare(7.7))], finer=finer)
     assert len(fitted.windows) + len(held.windows) == count
+
+
+def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
+    u = multisine(6000)
+    to_fit, aside = cut([series(recording(u, linear(u)))])
+    model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
+    right, far = (
+        fit(model, to_fit, x, simulated_states(model, x, to_fit), free=np.zeros(3, np.bool_))
+        for x in (
+            model.searched({"K_L": K_L, "omega_n": part * OMEGA_N, "zeta": ZETA}) for part in (1.0, 0.8)
+        )
+    )
+    base, noise = Judged.of(far, aside).held, to_fit.allowed**2
+
+    def left(found):
+        best = Chosen(found, {}, Judged.of(found, aside).held)
+        some = Found(far, base, best, Judged.of(found, to_fit).held, (), None)
+        return _left_over(some, Judged.of(far, to_fit).held)
+
+    nothing, unsaid = left(right)
+    assert (nothing.fraction, unsaid) == (0.0, ())
+    grown = replace(right, error=right.error + 1.5 * noise * (np.arange(len(noise)) == 0))
+    some, said = left(grown)
+    above = np.mean(grown.error - noise) / np.mean(far.error - noise)
+    assert (some.fraction, said) == (pytest.approx(above), (RARE,))

@@ -8,15 +8,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnose_truth import linear, multisine, recording
+from diagnose_truth import K_L, OMEGA_N, ZETA, linear, multisine, recording
 
-from seod.diagnose.begin import baseline, scales
+from seod.diagnose.begin import _rough, baseline, scales
 from seod.diagnose.budget import FURTHER_S, LONG, Budget, further_s
 from seod.diagnose.cell import DELAYS
 from seod.diagnose.coordinates import Scales, group, plain_form, remote
-from seod.diagnose.fit import Search
+from seod.diagnose.fit import Search, fit
+from seod.diagnose.model import baseline_model
 from seod.diagnose.screen import FIRST, Entrant, Runner, best_starts, screen
 from seod.diagnose.select import BEAM, RICHER, SECOND, survivors
+from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series, sparse
 
 PLANT = {"omega_n": 100.0, "zeta": 0.3}
@@ -80,6 +82,42 @@ def late():
     begun = baseline(screened.cut, False, {})
     model = replace(begun.best.model, scales=scales(begun.near, screened.cut))
     return screened, replace(begun.best, model=model, start=screened.start(model, begun.best.x))
+
+
+@pytest.fixture(scope="module")
+def long():
+    """A screen of a recording of many windows, and Eq. 1 at its plant."""
+    u = multisine(30000)
+    windows = pieces(cut([series(recording(u, linear(u)))])[0])
+    model = baseline_model(_rough(windows, OMEGA_N), 1.0, False, {})
+    x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
+    right = fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
+    return screen(windows, map, Budget(time.process_time, 1e6)), right
+
+
+def watched(long, at, size):
+    """Windows on which every start is tried, and those for trying, where so much is left of one."""
+    screened, right = long
+    here = np.arange(len(right.error)) == at
+    found = screened.watching(replace(right, error=np.where(here, size, 1.0) * right.error))
+    return {found.cut.windows[k] for k in found.few}, found.cut.windows
+
+
+def test_a_window_that_alone_shows_something_is_watched(long):
+    screened, right = long
+    windows, few = right.cut.windows, {screened.cut.windows[k] for k in screened.few}
+    unseen = next(k for k, one in enumerate(windows) if one not in screened.cut.windows)
+    aside = next(k for k, one in enumerate(windows) if one in screened.cut.windows and one not in few)
+    for at in (unseen, aside):
+        tried, fitted_to = watched(long, at, 9.0)
+        assert tried - few == {windows[at]}
+        assert len(tried) == len(few)
+        assert set(fitted_to) == {*screened.cut.windows, windows[at]}
+        assert list(fitted_to) == sorted(fitted_to)
+    assert watched(long, aside, 2.0) == (few, screened.cut.windows)
+    u = np.where(np.sin(0.5 * OMEGA_N * np.arange(20000) / 1000.0) < 0.0, -1.0, 1.0)
+    relayed = screen(pieces(cut([series(recording(u, linear(u)))])[0]), map, Budget(time.process_time, 1e6))
+    assert relayed.watching(right) is relayed
 
 
 def entrants(parent, names):
