@@ -311,7 +311,7 @@ def _sensor(s: Scales) -> dict[str, Group]:
         "backlash": _far(
             PLAYING,
             _linear("backlash.gap", 0.1 * s.swing, 1e-4 * s.swing, WIDEST * s.swing),
-            *((x * s.swing,) for x in (0.03, 0.15, 0.5)),
+            *((x * s.swing,) for x in (0.006, 0.03, 0.15, 0.5)),
         ),
         **_group(
             "position_ripple",
