@@ -47,6 +47,7 @@ class Found:
         seen: Its simulation of the windows to fit.
         effects: Of it, in order of gain.
         grown: What was tried.
+        outlying: Rows far off were left out of what is scored, though not of the fits.
     """
 
     base: Fitted
@@ -55,6 +56,7 @@ class Found:
     seen: HeldOut
     effects: tuple[FoundEffect, ...]
     grown: Grown
+    outlying: bool = False
 
 
 def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], output: Output) -> Diagnosis:
@@ -94,7 +96,11 @@ def trimmed(found: Found) -> Found:
     near, seen = _near(found.chosen.held), _near(found.seen)
     chosen = replace(found.chosen, held=replace(found.chosen.held, scored=near))
     return replace(
-        found, chosen=chosen, held=replace(found.held, scored=near), seen=replace(found.seen, scored=seen)
+        found,
+        chosen=chosen,
+        held=replace(found.held, scored=near),
+        seen=replace(found.seen, scored=seen),
+        outlying=True,
     )
 
 
@@ -112,7 +118,7 @@ def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...
         return left, ()
     if one_sided(found.seen, found.chosen.held):
         return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
-    if misfits(found.chosen.found):
+    if not found.outlying and misfits(found.chosen.found):
         left = left_by_fits(found.base, found.chosen.found, found.seen)
     return left, (RARE,) if left.fraction > 0.0 else ()
 

@@ -65,9 +65,9 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
     )
     base, noise = Judged.of(far, aside).held, to_fit.allowed**2
 
-    def left(found):
+    def left(found, **more):
         best = Chosen(found, {}, Judged.of(found, aside).held)
-        some = Found(far, base, best, Judged.of(found, to_fit).held, (), None)
+        some = Found(far, base, best, Judged.of(found, to_fit).held, (), None, **more)
         return _left_over(some, Judged.of(far, to_fit).held)
 
     nothing, unsaid = left(right)
@@ -76,3 +76,4 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
     some, said = left(grown)
     above = np.mean(grown.error - noise) / np.mean(far.error - noise)
     assert (some.fraction, said) == (pytest.approx(above), (RARE,))
+    assert left(grown, outlying=True)[0].fraction == 0.0
