@@ -55,7 +55,8 @@ def less_damped(root: Fitted) -> Fitted:
     x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": DAMPED})
     free = np.array([each.place != "omega_n" for each in root.model.coordinates])
     found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
-    return found if found.cost < root.cost + AS_GOOD else root
+    less = found.model.values(found.x)["zeta"] < OVERDAMPED
+    return found if less and found.cost < root.cost + AS_GOOD else root
 
 
 def _differ(one: Fitted, other: Fitted) -> bool:

@@ -17,13 +17,13 @@ from seod.diagnose.windows import cut, series
 N, K_L = 4000, 17.0
 
 
-def fitted(omega_n, zeta, *, disturbed=0.0, noise=0.01):
+def fitted(omega_n, zeta, *, disturbed=0.0, wave=40.0, noise=0.01):
     """Eq. 1 at the plant that the recorded speed is of; a wave besides, as a part of its deviation."""
     u = multisine(N)
     number, denominator = [K_L * omega_n**2], [1.0, 2.0 * zeta * omega_n, omega_n**2]
     b, a, _ = cont2discrete((number, denominator), 1.0 / RATE)
     y = lfilter(b.ravel(), a, u)
-    y = y + disturbed * np.std(y) * np.sin(40.0 * np.arange(N) / RATE)
+    y = y + disturbed * np.std(y) * np.sin(wave * np.arange(N) / RATE)
     windows, _ = cut([series(recording(u, y, noise=noise), sees_speed=True)])
     model = baseline_model(_rough(windows, omega_n), 1.0, True, {})
     x = model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
@@ -46,6 +46,9 @@ def test_a_rate_too_quick_to_show_is_let_go():
         pytest.param(700.0, 8.0, {"noise": 2.0}, id="it leaves the noise alone"),
         pytest.param(150.0, 3.0, {"disturbed": 0.03}, id="both rates show"),
         pytest.param(117.0, 0.3, {"disturbed": 0.5}, id="it swings"),
+        pytest.param(
+            700.0, 8.0, {"disturbed": 2.0, "wave": 9.0}, id="the other is damped more"
+        ),
     ],
 )
 def test_a_plant_that_must_be_stays(omega_n, zeta, wrong):
