@@ -46,9 +46,7 @@ def test_a_rate_too_quick_to_show_is_let_go():
         pytest.param(700.0, 8.0, {"noise": 2.0}, id="it leaves the noise alone"),
         pytest.param(150.0, 3.0, {"disturbed": 0.03}, id="both rates show"),
         pytest.param(117.0, 0.3, {"disturbed": 0.5}, id="it swings"),
-        pytest.param(
-            700.0, 8.0, {"disturbed": 2.0, "wave": 9.0}, id="the other is damped more"
-        ),
+        pytest.param(700.0, 8.0, {"disturbed": 2.0, "wave": 9.0}, id="the other is damped more"),
     ],
 )
 def test_a_plant_that_must_be_stays(omega_n, zeta, wrong):
