@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.answer import Candidate, Diagnosis, FoundEffect, Gain, Parameter, Score
+from seod.diagnose.answer import (
+    Candidate,
+    Diagnosis,
+    FoundEffect,
+    Gain,
+    Parameter,
+    Score,
+    Unexplained,
+)
 from seod.diagnose.experiment import beyond_a_relay, next_experiment
-from seod.diagnose.halves import misfits, one_sided
+from seod.diagnose.halves import fits_both, misfits, one_sided
 from seod.diagnose.intervals import base_sd, covariance
 from seod.diagnose.judge import Judged
 from seod.diagnose.left import left_by_fits, unexplained
@@ -19,7 +27,7 @@ from seod.diagnose.score import drawn, nrmse, score, wholes, windows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, Mask, NextExperiment, Output, Unexplained, Verdict, Window
+    from seod.diagnose.answer import Array, Mask, NextExperiment, Output, Verdict, Window
     from seod.diagnose.defects import Defects
     from seod.diagnose.fit import Fitted
     from seod.diagnose.name import Chosen
@@ -33,6 +41,10 @@ MOST_FAR: Final = 0.03
 RARE: Final = (
     "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
     "tried out. A longer recording, in which it happens again, tells more"
+)
+UNSURE: Final = (
+    "windows held out show a little more than noise and would not, had they been fitted, too: the others "
+    "tell too little of how large the effects are. A longer recording tells more"
 )
 
 
@@ -115,6 +127,8 @@ def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...
     """What is left, and a remark where windows that were fitted show it alone; `base` is of those."""
     left = unexplained(found.held, found.chosen.held)
     if left.fraction > 0.0:
+        if fits_both(found.chosen.found, found.chosen.held):
+            return Unexplained(0.0), (UNSURE,)
         return left, ()
     if one_sided(found.seen, found.chosen.held):
         return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)

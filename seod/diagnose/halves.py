@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.judge import Judged
+from seod.diagnose.fit import fit
+from seod.diagnose.judge import STEPS, Judged
 from seod.diagnose.left import ADEQUATE
-from seod.diagnose.windows import cut
+from seod.diagnose.windows import Cut, cut
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.fit import Fitted
     from seod.diagnose.score import HeldOut
-    from seod.diagnose.windows import Cut, Series
+    from seod.diagnose.windows import Series
 
 SEEN: Final = 2.0
 """Squared error over the noise's from which on windows show something that the model does not."""
@@ -35,6 +36,21 @@ def misfits(found: Fitted) -> bool:
     Two lags may pass for a limited rate at one amplitude, which is all that windows held out show.
     """
     return bool(np.max(found.error / found.cut.allowed**2) > SEEN)
+
+
+def fits_both(found: Fitted, held: HeldOut) -> bool:
+    """Whether a fit of all windows leaves no more than noise of any, though one of the half missed the rest.
+
+    That half told too little of the effects' size then, as where the supply pressure fell in the other alone.
+    """
+    if held.adequacy > SEEN:
+        return False
+    windows = (*found.cut.windows, *held.cut.windows)
+    order = sorted(range(len(windows)), key=lambda k: windows[k])
+    every = Cut(held.cut.series, tuple(windows[k] for k in order))
+    start = np.concatenate([found.start, held.start])[order]
+    both = fit(found.model, every, found.x, start, STEPS)
+    return bool(np.max(both.error / every.allowed**2) < ADEQUATE)
 
 
 def finer(every: Sequence[Series], aside: int, found: Fitted) -> tuple[Cut, Cut] | None:

@@ -8,9 +8,11 @@ from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recordin
 
 from seod.diagnose.begin import _rough
 from seod.diagnose.command import diagnose
-from seod.diagnose.conclude import RARE, Found, _left_over
+from seod.diagnose.conclude import RARE, UNSURE, Found, _left_over
 from seod.diagnose.fit import fit
+from seod.diagnose.halves import SEEN, fits_both
 from seod.diagnose.judge import Judged
+from seod.diagnose.left import ADEQUATE
 from seod.diagnose.model import baseline_model
 from seod.diagnose.name import Chosen
 from seod.diagnose.states import simulated_states
@@ -53,16 +55,19 @@ def test_there_are_so_many_windows_more(finer, count):
     assert len(fitted.windows) + len(held.windows) == count
 
 
+def detuned(to_fit, *parts):
+    """Eq. 1 with so many times the natural frequency, of which only initial states were fitted."""
+    model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
+    every = [model.searched({"K_L": K_L, "omega_n": part * OMEGA_N, "zeta": ZETA}) for part in parts]
+    return [
+        fit(model, to_fit, x, simulated_states(model, x, to_fit), free=np.zeros(3, np.bool_)) for x in every
+    ]
+
+
 def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
     u = multisine(6000)
     to_fit, aside = cut([series(recording(u, linear(u)))])
-    model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
-    right, far = (
-        fit(model, to_fit, x, simulated_states(model, x, to_fit), free=np.zeros(3, np.bool_))
-        for x in (
-            model.searched({"K_L": K_L, "omega_n": part * OMEGA_N, "zeta": ZETA}) for part in (1.0, 0.8)
-        )
-    )
+    right, far = detuned(to_fit, 1.0, 0.8)
     base, noise = Judged.of(far, aside).held, to_fit.allowed**2
 
     def left(found, **more):
@@ -77,3 +82,28 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
     above = np.mean(grown.error - noise) / np.mean(far.error - noise)
     assert (some.fraction, said) == (pytest.approx(above), (RARE,))
     assert left(grown, outlying=True)[0].fraction == 0.0
+
+
+@pytest.mark.parametrize(
+    ("off", "shaken", "fits"),
+    [(1.02, 0.0, True), (1.06, 0.0, False), (1.0, 1.0, False)],
+    ids=["numbers that the others tell not quite", "numbers far off", "another movement"],
+)
+def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(off, shaken, fits):
+    u = multisine(6000)
+    y = linear(u)
+    noise = 0.01 * np.std(y)
+    to_fit, aside = cut([series(recording(u, y + np.random.default_rng(3).normal(0.0, noise, len(y))))])
+    _, first, last = aside.windows[0]
+    aside.series[0].y[first:last] += shaken * noise * np.sin(900.0 * np.arange(last - first) / RATE)
+    (found,) = detuned(to_fit, off)
+    held = Judged.of(found, aside).held
+    assert held.adequacy > ADEQUATE
+    assert (held.adequacy > SEEN) == (off > 1.03)
+    assert fits_both(found, held) == fits
+    best = Chosen(found, {}, held)
+    (far,) = detuned(to_fit, 0.8)
+    some = Found(far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
+    left, said = _left_over(some, Judged.of(far, to_fit).held)
+    assert (left.fraction == 0.0) == fits
+    assert said == ((UNSURE,) if fits else ())
