@@ -90,10 +90,13 @@ def fit(
     improves the mean log error by less than `enough` is the last.
     """
     free = np.ones(len(x), np.bool_) if free is None else free
+    search = Search(model, cut, each, free)
     if np.any(cut.slack > 0.0) and most > 1:
         near = Search(model, rounded(cut), each, free).run(x, start, most // 2, ended)
-        x, start, most = near.x, near.start, most - most // 2
-    return Search(model, cut, each, free).run(x, start, most, ended, enough)
+        most -= most // 2
+        if search.costs(near.x, near.start) < search.costs(x, start):
+            x, start = near.x, near.start
+    return search.run(x, start, most, ended, enough)
 
 
 class Place(NamedTuple):
@@ -203,6 +206,10 @@ class Search:
     def cost(self, error: Array) -> float:
         """Mean log error."""
         return float(self.count @ np.log(error + self.floor)) / float(self.count.sum())
+
+    def costs(self, x: Array, start: Array) -> float:
+        """Mean log error of searched numbers and initial states."""
+        return self.cost(self.tried(x, start)[1])
 
     def record(self, x: Array) -> NDArray[np.void]:
         """The kernel's parameters; those asked for last are kept."""

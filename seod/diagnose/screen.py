@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
-RARE: Final = 4.0
+OUTSTANDING: Final = 4.0
 """Squared error in a window over the most in those, from which on it is one of them."""
 GLANCING: Final = 0.6
 """Of the time that is left when a race begins, what its glances may use."""
@@ -127,7 +127,7 @@ class Screen:
             return self
         square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
         worst = max(windows, key=lambda one: square[one])
-        if square[worst] < RARE * max(square[one] for one in few):
+        if square[worst] < OUTSTANDING * max(square[one] for one in few):
             return self
         some = [k for k, one in enumerate(windows) if one == worst or one in self.cut.windows]
         at = windows.index(worst)

@@ -182,3 +182,18 @@ def test_a_coordinate_stays_within_its_bounds():
     assert one.value(one.bounds[1]) <= 0.1
     assert one.value(99.0) == 0.1
     assert one.searched(1.0) == one.bounds[1]
+
+
+@pytest.mark.parametrize("swing", [0.3, 0.6])
+def test_from_the_truth_a_fit_of_coarse_readings_leads_nowhere_worse(swing):
+    """Rounding taken as white noise leads from there to where it looks less: away, if steps are large."""
+    u = multisine(4000)
+    y = linear(u)
+    step = swing * np.ptp(y)
+    to_fit, _ = cut([series(recording(u, step * np.round(y / step)), step=step)])
+    model = baseline_model(SIZES, 1.0, False, {})
+    x = model.searched(TRUTH)
+    start = settle(model, to_fit, x, simulated_states(model, x, to_fit), to_fit.good)
+    begun, ended = (fit(model, to_fit, x, start, most) for most in (0, 15))
+    assert to_fit.slack[0] > 0.0
+    assert ended.cost <= begun.cost
