@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
+STEPS: Final = 15
+"""Of a search, at most."""
 STEP: Final = 1e-3
 """Change of a searched number by which derivatives are taken."""
 LARGEST: Final = 1.0
@@ -78,7 +80,7 @@ def fit(
     cut: Cut,
     x: Array,
     start: Array,
-    most: int = 15,
+    most: int = STEPS,
     each: Each = map,
     free: Mask | None = None,
     ended: Callable[[], bool] = lambda: False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.fit import fit
-from seod.diagnose.judge import STEPS, Judged
+from seod.diagnose.judge import Judged
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.windows import Cut, cut
 
@@ -49,7 +49,7 @@ def fits_both(found: Fitted, held: HeldOut) -> bool:
     order = sorted(range(len(windows)), key=lambda k: windows[k])
     every = Cut(held.cut.series, tuple(windows[k] for k in order))
     start = np.concatenate([found.start, held.start])[order]
-    both = fit(found.model, every, found.x, start, STEPS)
+    both = fit(found.model, every, found.x, start)
     return bool(np.max(both.error / every.allowed**2) < ADEQUATE)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 from seod.diagnose.coordinates import begun_from
-from seod.diagnose.fit import ENOUGH, Fitted, fit
+from seod.diagnose.fit import ENOUGH, STEPS, Fitted, fit
 from seod.diagnose.left import ADEQUATE
 from seod.diagnose.score import HeldOut, held_out, wholes
 from seod.diagnose.states import alike_states, begun_states, carried_states
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from seod.diagnose.windows import Cut
 
 
-STEPS: Final = 15
 ELSEWHERE: Final = 8
-"""Steps of a fit: usually, and from each other plant of the grid."""
+"""Steps of a fit from each other plant of the grid."""
 UNEVEN: Final = 1.4
 """Squared error of a window over another's from which on they are not fitted alike."""
 FINE_STEPS: Final = 40

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from seod.diagnose.fit import Each
     from seod.diagnose.model import Model
 
+One = TypeVar("One")
+Made = TypeVar("Made")
+
 PROBED_S: Final = 3.0
 """Of windows on which every start is tried."""
 OUTSTANDING: Final = 4.0
@@ -50,7 +53,7 @@ LOOK: Final = 3
 """Further steps of the better causes."""
 WHOLE: Final = 4
 """Steps of the promising ones on all windows for trying."""
-STEPS: Final = 12
+LAST: Final = 12
 """Further steps of the best."""
 CAUSES: Final = 9
 """Causes of a parent that are looked at."""
@@ -107,7 +110,7 @@ class Screen:
     budget: Budget
     cells: tuple[Cell, ...] = ()
 
-    def side_by_side(self, act: Callable[[Any, Screen], Any], some: Sequence[Any]) -> list[Any]:
+    def side_by_side(self, act: Callable[[One, Screen], Made], some: Sequence[One]) -> list[Made]:
         """What comes of each: one on each core, where the trials of a single one would wait for each other.
 
         `act` is given the screen to use within.
@@ -156,7 +159,7 @@ class Screen:
         ranked = sorted(whole, key=lambda one: one.found.cost)
         last = sum(one.found.cost < ranked[0].found.cost + NEAR for one in ranked)
         last = max(last, FRONT)
-        better = [*self.each(lambda one: self._on(one, STEPS), ranked[:last]), *ranked[last:]]
+        better = [*self.each(lambda one: self._on(one, LAST), ranked[:last]), *ranked[last:]]
         better += self._richer(better)
         found = [one.found for one in better if not self.imitates(one.found)]
         return sorted(found, key=lambda one: one.cost)
@@ -246,7 +249,7 @@ class Screen:
         damping = 2.0 * values["zeta"] * values["omega_n"]
         speed = max(SLOWLY * speed, math.sqrt(2.0 * level * speed / (LITTLE * damping)))
         x = model.searched(values | {"stribeck_friction.level": level, "stribeck_friction.speed": speed})
-        return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
+        return one._replace(found=fit(model, self.cut, x, at.start, LAST, ended=ended))
 
     def _on_bristles(self, one: Runner) -> Runner:
         """The same with friction borne by bristles: best perhaps where plain friction is far from it."""
@@ -258,7 +261,7 @@ class Screen:
         else:
             begin = values | bristles(values["coulomb_friction.level"], model.scales.swing)
         x = model.searched(begin)
-        return one._replace(found=fit(model, self.cut, x, at.start, STEPS, ended=ended))
+        return one._replace(found=fit(model, self.cut, x, at.start, LAST, ended=ended))
 
     def imitates(self, found: Fitted) -> bool:
         """A wave that stands for something else.
