@@ -38,8 +38,8 @@ WIDEST: Final = 12.0
 """Play over the swing that it leaves, at most."""
 SHORTEST_LAG: Final = 0.1
 """Over the sampling interval, at least."""
-STEPS_SEEN: Final = 3.0
-"""Of a coarse sensor to a wave, at least: the waves of its rounding are as long as a step, or parts of it."""
+STEPS_SEEN: Final = 2.0
+"""Of a coarse sensor to a wave, at least: at the ends of its steps a shorter one looks like a longer one."""
 GAINS: Final = {"valve_deadband", "valve_hysteresis", "valve_saturation"}
 """Effects that are a smaller gain where there are two commands only."""
 WAVES: Final = {"periodic_disturbance": "omega", "position_ripple": "wavenumber"}
@@ -355,7 +355,7 @@ def _wave(name: str, scale: float, narrow: float, low: float, high: float) -> di
 
 def remote(start: Values) -> bool:
     """Whether a start is far from the parent's own plant."""
-    return not {"*K_L", "K_L"}.isdisjoint(start)
+    return not {"*K_L", "K_L", "zeta"}.isdisjoint(start)
 
 
 def begun_from(values: Values, start: Values) -> Values:

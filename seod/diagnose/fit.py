@@ -37,6 +37,8 @@ LARGEST: Final = 1.0
 """Change of a logarithm in one step, at most."""
 FARTHEST: Final = 30.0
 """Change of another searched number in one step, at most."""
+NOISE_ALONE: Final = 1.03
+"""Squared error over the noise's, up to which nothing else is left: the noise is known to some percent."""
 ENOUGH: Final = 1e-4
 """Improvement of the mean log error below which a search has ended."""
 SMALL: Final = 0.05
@@ -73,6 +75,12 @@ class Fitted:
     error: Array
     cost: float
     curvature: Array
+
+    @property
+    def excess(self) -> float:
+        """Geometric mean of the windows' squared errors over the noise's."""
+        weights = self.cut.sizes / self.cut.sizes.sum()
+        return float(np.exp(self.cost - weights @ np.log(self.cut.noise**2)))
 
 
 def fit(

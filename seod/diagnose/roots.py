@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.fit import fit, weighted
-from seod.diagnose.select import excess
 from seod.diagnose.states import simulated_states
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def less_damped(root: Fitted) -> Fitted:
     be, and slow to simulate. Once an effect accounts for what the damping did, both rates count.
     """
     values = root.model.values(root.x)
-    if values["zeta"] < OVERDAMPED or excess(root, root.cut) < FAR_OFF:
+    if values["zeta"] < OVERDAMPED or root.excess < FAR_OFF:
         return root
     part = DAMPED / values["zeta"]
     x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": DAMPED})

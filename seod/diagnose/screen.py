@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 import numpy as np
 
 from seod.diagnose.ahead import Ahead
-from seod.diagnose.cell import BEGUN, CONTACTS, bristles
+from seod.diagnose.cell import BEGUN, CONTACTS, SHAKEN, bristles
 from seod.diagnose.cells import cells
 from seod.diagnose.command_period import in_step
 from seod.diagnose.coordinates import RICHER_FRICTION, WAVES, begun_from, further_causes, group, remote
-from seod.diagnose.fit import Fitted, fit, settle
+from seod.diagnose.fit import NOISE_ALONE, Fitted, fit, settle
 from seod.diagnose.simulate import inside
-from seod.diagnose.states import best_states, carried_states, simulated_states
+from seod.diagnose.states import best_states, carried_states, simulated_states, travelled
 from seod.diagnose.waves import lines, starts
 from seod.diagnose.windows import Cut, sample, sparse
 
@@ -171,8 +171,17 @@ class Screen:
             for name in names
             if name not in but
             for start in self.starts(parent, name)
-            if not remote(start) or not (parent.model.names or (self.cells and name in CONTACTS))
+            if not remote(start) or self._reaches_far(parent, name)
         ]
+
+    def _reaches_far(self, parent: Fitted, name: str) -> bool:
+        """Whether a cause is tried from plants far from the parent's: of the baseline, unless the grid is.
+
+        A disturbance also of the others: it may be what their plant swings with.
+        """
+        if parent.model.names:
+            return name == SHAKEN and not self.cells
+        return not (self.cells and name in CONTACTS)
 
     def _from_cells(self, parent: Fitted, but: Sequence[str]) -> list[Entrant]:
         """Plants of the grid for sets that they are starts of."""
@@ -266,11 +275,12 @@ class Screen:
     def imitates(self, found: Fitted) -> bool:
         """A wave that stands for something else.
 
-        A disturbance in step with the command is the plant's own answer, the longest ripple a bend.
+        A disturbance in step with the command is one line of the plant's own answer, if anything else is
+        left. The longest ripple is a bend.
         """
         values = found.model.values(found.x)
         omega, wavenumber = (values.get(f"{name}.{of}") for name, of in WAVES.items())
-        if omega is not None and in_step(self.every, omega):
+        if omega is not None and found.excess > NOISE_ALONE and in_step(self.every, omega):
             return True
         longest = next(
             (c.low for c in found.model.coordinates if c.place == "position_ripple.wavenumber"), 0.0
@@ -278,30 +288,38 @@ class Screen:
         return wavenumber is not None and wavenumber < BENT * longest
 
     def starts(self, parent: Fitted, name: str) -> tuple[Values, ...]:
-        """Where to begin with an effect; with a wave at the lines of what the parent leaves.
-
-        A disturbance also where the parent's plant swings, which is then a damped one: the parent may have
-        taken it for that.
-        """
+        """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
         searched = group(name, parent.model.scales)
         if name not in WAVES:
             return searched.starts
         size = 0.1 * searched.coordinates[0].scale
         begun = starts(name, self._lines(parent, name), size)
+        return begun + self._shaken(parent, size) if name == SHAKEN else begun
+
+    def _shaken(self, parent: Fitted, size: float) -> tuple[Values, ...]:
+        """A disturbance where the plant swings, which is then damped: the parent may have taken it for that.
+
+        A second one at the largest line near it that this one leaves: where it swings may be a fit of both.
+        """
         values = parent.model.values(parent.x)
-        if name == "periodic_disturbance" and values["zeta"] < SWINGS:
-            (own,) = starts(name, [values["omega_n"]], size)
-            begun += (own | {"zeta": SWINGS},)
-        return begun
+        own = values["omega_n"]
+        if values["zeta"] >= SWINGS:
+            return ()
+        damped = replace(parent, x=parent.model.searched(values | {"zeta": SWINGS}))
+        near = [line for line in self._lines(damped, SHAKEN) if abs(math.log(line / own)) < APART]
+        return tuple(one | {"zeta": SWINGS} for one in starts(SHAKEN, [own, *near[:1]], size))
 
     def _lines(self, parent: Fitted, name: str) -> list[float]:
         """What the residual of all windows shows of a wave."""
         model, x, cut = parent.model, parent.x, self.every
         start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)
         simulated, states = inside(model.record(x), cut, start)
-        residual = np.where(cut.good, cut.gathered("y") - simulated, 0.0)
-        speed = states[:, 1] if model.sees_speed else None
-        return lines(name, cut, residual, states[:, 2], speed)
+        y, position, speed = cut.gathered("y"), states[:, 2], None
+        residual = np.where(cut.good, y - simulated, 0.0)
+        if model.sees_speed:  # as it was read: simulated ones have the parent's errors
+            speed = np.where(cut.good, y, 0.0)
+            position = np.concatenate([travelled(cut.series[k])[a:b] for k, a, b in cut.windows])
+        return lines(name, cut, residual, position, speed)
 
 
 def _plainly_rubbed(one: Runner) -> bool:

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from seod.diagnose.coordinates import plain_form
+from seod.diagnose.fit import NOISE_ALONE
 from seod.diagnose.screen import elsewhere
 
 if TYPE_CHECKING:
@@ -32,8 +31,6 @@ AS_WELL: Final = 0.2
 """Part of what an effect must save, up to which another set explains the recordings as well."""
 RICHER: Final = 0.2
 """Mean log squared error that a richer form of friction must save to be grown in place of the plain one."""
-ADEQUATE: Final = 1.03
-"""Squared error over the noise's, at which the search ends: the noise is known to some percent."""
 
 
 def least_gain(cut: Cut) -> float:
@@ -44,12 +41,6 @@ def least_gain(cut: Cut) -> float:
 def as_well(cut: Cut) -> float:
     """Mean log error up to which another set explains recordings as well."""
     return AS_WELL * least_gain(cut)
-
-
-def excess(found: Fitted, cut: Cut) -> float:
-    """Geometric mean of the windows' squared errors over the noise's."""
-    weights = cut.sizes / cut.sizes.sum()
-    return float(np.exp(found.cost - weights @ np.log(cut.noise**2)))
 
 
 @dataclass
@@ -75,7 +66,7 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
     """
     grown, beam = Grown([roots[0]]), list(roots)
     for size in range(1, MOST + 1):
-        if excess(grown.best[0], screen.cut) < ADEQUATE or screen.budget.spent:
+        if grown.best[0].excess < NOISE_ALONE or screen.budget.spent:
             break
         children = screen.extended(beam)
         ranked = best_of_each(children)

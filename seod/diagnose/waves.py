@@ -29,12 +29,11 @@ def lines(name: str, cut: Cut, residual: Array, position: Array, speed: Array | 
         cut: The windows.
         residual: Measured minus simulated, 0 where nothing was, shape (n,).
         position: Of the load, shape (n,).
-        speed: Of the load, where the sensor sees it: a ripple then shows in proportion to it.
+        speed: Of the load, 0 where it is not known, where the sensor sees it: a ripple shows in proportion.
     """
     if name == "periodic_disturbance":
         return _over_time(cut, residual)
-    error = residual if speed is None else residual * np.sign(speed)
-    return _over(position, error)
+    return _over(position, residual, np.ones(len(residual)) if speed is None else speed)
 
 
 def _over_time(cut: Cut, residual: Array) -> list[float]:
@@ -49,12 +48,13 @@ def _over_time(cut: Cut, residual: Array) -> list[float]:
     return _peaks(grid, tick, lowest=4)
 
 
-def _over(position: Array, residual: Array) -> list[float]:
+def _over(position: Array, residual: Array, shows: Array) -> list[float]:
+    """Lines over the position of a wave that is in each sample as far as it `shows` there."""
     span = max(float(np.ptp(position)), 1e-12)
     index = np.minimum(((position - position.min()) / span * _BINS).astype(int), _BINS - 1)
-    count = np.bincount(index, minlength=_BINS)
-    total = np.bincount(index, weights=residual, minlength=_BINS)
-    mean = np.where(count > 0, total / np.maximum(count, 1), 0.0)
+    count = np.bincount(index, weights=shows**2, minlength=_BINS)
+    total = np.bincount(index, weights=residual * shows, minlength=_BINS)
+    mean = np.where(count > 0.0, total / np.where(count > 0.0, count, 1.0), 0.0)
     return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest=math.ceil(WAVES_SEEN * _FINER))
 
 

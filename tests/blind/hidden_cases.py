@@ -9,7 +9,7 @@ import numpy as np
 from hidden_baseline import best_baseline
 from hidden_drives import EXCITATIONS, make_drive
 from hidden_fair import chatters, left_beside, left_by_list, moves
-from hidden_rig import Rig, simulate
+from hidden_rig import GIVEN, Drive, Rig, simulate
 from hidden_strength import BRISTLES, DEFECTS, LISTED, UNLISTED, drawn, effects_of, sizes
 from scipy.signal import detrend, lfilter
 
@@ -25,6 +25,7 @@ ALIKE = (
 """Not hidden together: two of one family."""
 
 
+COARSE = "sensor_quantization"
 HYSTERESIS = 4.0
 """Of relays, over the noise that is expected."""
 MOST_JITTER = 0.35
@@ -166,7 +167,14 @@ def _fair(case: Case) -> Case:
 
 
 def _left_of(case: Case, cause: str, y, u) -> float:
-    """The rms that is left of a cause in this record, without noise."""
+    """The rms that is left of a cause in this record, without noise; beside a coarse sensor before rounding.
+
+    Rounding makes both sides jump: no refit gets hold of it, and a twentieth of a step looks like a fifth.
+    """
+    if cause != COARSE and COARSE in case.rig.effects:
+        rest = {name: group for name, group in case.rig.effects.items() if name != COARSE}
+        case = replace(case, kind="one", causes=(cause,), rig=replace(case.rig, effects=rest))
+        y, u = simulate(case.rig, case.t, Drive(GIVEN, u), None, supply_of(case), None, case.latency)
     alone, given = _left(case, y, u), {"supply": supply_of(case), "latency": case.latency}
     if alone < LEAST * case.noise_part * float(np.std(detrend(y))):
         return alone

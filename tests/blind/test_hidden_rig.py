@@ -93,6 +93,18 @@ def test_a_hidden_effect_is_visible_over_the_noise(excitation):
     )
 
 
+def test_beside_a_coarse_sensor_an_effect_counts_by_what_it_leaves_before_rounding():
+    both = ("coulomb_friction", "sensor_quantization")
+    case = draw(3, "two", both, "multisine", sees_speed=False, duration=4.0)
+    rough, u = run(case)
+    fine = replace(case.rig, effects={"coulomb_friction": case.rig.effects["coulomb_friction"]})
+    y, _ = simulate(fine, case.t, Drive(GIVEN, u), latency=case.latency)
+    assert float(np.std(rough - y)) > 2.0 * case.noise
+    start = case.rig.K_L, case.rig.omega_n, case.rig.zeta
+    left = best_baseline(y, u, case.tick, start).rms
+    assert case.visible["coulomb_friction"] * case.noise == pytest.approx(left, rel=0.01)
+
+
 def test_a_load_at_rest_is_no_record():
     t, random = np.arange(2000), np.random.default_rng(1)
     noise = random.normal(0.0, 0.01, len(t))

@@ -26,7 +26,6 @@ from seod.diagnose.cells import cells
 from seod.diagnose.command_period import relay_period_s
 from seod.diagnose.fit import fit
 from seod.diagnose.screen import screen
-from seod.diagnose.select import excess
 from seod.diagnose.states import (
     simulated_states,
 )
@@ -52,7 +51,7 @@ def test_the_grid_leads_to_the_cause(kind, causes):
     begun = [model.searched(each.values()) for each in cells(few) if each.begins(causes)]
     assert 2 <= len(begun) <= 14
     found = (fit(model, few, x, simulated_states(model, x, few), most=25) for x in begun)
-    assert any(excess(each, few) < 1.1 for each in found)
+    assert any(each.excess < 1.1 for each in found)
 
 
 def test_the_disturbance_to_which_a_relay_has_locked_is_that_of_the_plant_in_the_grid():

@@ -29,7 +29,6 @@ from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_c
 from seod.diagnose.fit import Fitted, fit, settle
 from seod.diagnose.judge import refined, settled
 from seod.diagnose.screen import screen
-from seod.diagnose.select import excess
 from seod.diagnose.simulate import simulate
 from seod.diagnose.states import (
     alike_states,
@@ -97,7 +96,7 @@ def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(mo
     ends = []
     for uneven in (False, True):
         monkeypatch.setattr(judge, "_uneven", lambda found, uneven=uneven: uneven)
-        ends.append(excess(refined(begun, windows, screened), windows))
+        ends.append(refined(begun, windows, screened).excess)
     assert ends[1] < 1.1 < ends[0]
 
 
@@ -123,7 +122,7 @@ def test_plain_friction_is_also_tried_on_bristles():
     base = fit(model, few, x, simulated_states(model, x, few))
     best = screened.extended([base], [name for name in EFFECTS if name != "coulomb_friction"])[0]
     assert set(best.model.names) == {"coulomb_friction", "lugre_friction"}
-    assert excess(best, few) < 1.1
+    assert best.excess < 1.1
 
 
 def test_a_load_as_heavy_as_the_actuator_is_found_from_the_limit_cycles_own_frequency():
@@ -135,7 +134,7 @@ def test_a_load_as_heavy_as_the_actuator_is_found_from_the_limit_cycles_own_freq
     x = begun.other.x
     parent = fit(model, screened.cut, x, screened.start(model, x), free=np.zeros(3, np.bool_))
     best = screened.extended([parent], [name for name in EFFECTS if name != "load_resonance"])[0]
-    assert excess(best, screened.cut) < 1.05
+    assert best.excess < 1.05
     assert best.model.values(best.x)["load_resonance.inertia"] == pytest.approx(1.0, rel=0.3)
 
 
@@ -214,4 +213,4 @@ def test_the_valley_between_friction_and_plant_is_followed():
     few = sparse(pieces(cut([one])[0]))
     x = searched(model, {"coulomb_friction": {"level": 4000.0}}, K_L=5.0, omega_n=150.0, zeta=0.06)
     found = fit(model, few, x, simulated_states(model, x, few), most=15)
-    assert excess(found, few) < 1.22  # 1.28 without initial states looked for
+    assert found.excess < 1.22  # 1.28 without initial states looked for
