@@ -142,6 +142,7 @@ def test_wilsons_interval_holds_what_is_known():
         pytest.param(16811, id="the valve reaches its end in one window alone"),
         pytest.param(18324, id="a play of a hundredth of the swing"),
         pytest.param(18359, id="outliers in windows that were fitted are not what a model lacks"),
+        pytest.param(18970, id="a ripple of less than three steps of a coarse sensor"),
         pytest.param(16847, id="a limited rate is told from two lags by how the limit cycle grows"),
     ],
 )
