@@ -97,7 +97,7 @@ def worse(one: Judged, base: Judged) -> bool:
 
     One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance.
     """
-    if one.held.nrmse > base.held.nrmse:
+    if one.held.rms > base.held.rms:
         return True
     return one.held.adequacy > ADEQUATE and one.whole > base.whole
 

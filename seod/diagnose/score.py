@@ -61,6 +61,11 @@ class HeldOut:
         return np.array([float(error[p] @ error[p]) / max(int(asked[p].sum()), 1) for p in self.cut.slices])
 
     @property
+    def rms(self) -> float:
+        """Of the errors, as far as they say anything [unit]: rounding, which `nrmse` counts, says nothing."""
+        return float(np.sqrt(np.mean(self.error[self.scored] ** 2)))
+
+    @property
     def adequacy(self) -> float:
         """Mean squared error over the noise's: 1 where nothing but noise is left."""
         count = np.array([self.scored[p].sum() for p in self.cut.slices])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from seod.diagnose.budget import Budget
 from seod.diagnose.choose import worse
 from seod.diagnose.command import diagnose
 from seod.diagnose.command_period import command_period_s, in_step, relay_period_s
+from seod.diagnose.score import HeldOut
 from seod.diagnose.windows import Cut, Series, cut, pieces
 
 T = np.arange(0.0, 25.0, 1e-3)
@@ -26,7 +28,7 @@ def series(t, y, u, period_s=1.0, window_s=2.0):
 
 
 def judged(held, whole, adequacy=50.0):
-    return SimpleNamespace(held=SimpleNamespace(nrmse=held, adequacy=adequacy), whole=whole)
+    return SimpleNamespace(held=SimpleNamespace(rms=held, adequacy=adequacy), whole=whole)
 
 
 def test_a_set_that_simulates_worse_than_the_baseline_is_worse():
@@ -34,6 +36,20 @@ def test_a_set_that_simulates_worse_than_the_baseline_is_worse():
     assert worse(judged(1.3, 0.5), base)
     assert worse(judged(0.1, 1.3), base)
     assert not worse(judged(0.1, 0.2), base)
+
+
+def test_of_a_coarse_sensor_only_what_lies_beyond_the_interval_of_a_reading_is_worse():
+    place = 7.3 * np.sin(T)
+    one = replace(series(T, np.round(place), T), slack=0.5)
+    windows = Cut((one,), ((0, 0, len(T)),))
+    every, nothing = np.ones(len(T), np.bool_), np.zeros((len(T), 5))
+    true, near = (
+        HeldOut(windows, seen, nothing, np.zeros((1, 7)), every, every)
+        for seen in (place, np.where(T % 1.0 < 0.1, np.round(place) + 0.7, np.round(place)))
+    )
+    assert true.nrmse > near.nrmse
+    assert true.rms == 0.0 < near.rms
+    assert not worse(SimpleNamespace(held=true, whole=1.0), SimpleNamespace(held=near, whole=2.0))
 
 
 def test_drift_of_a_whole_recording_does_not_count_where_only_noise_is_left():
