@@ -42,6 +42,10 @@ RARE: Final = (
     "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
     "tried out. A longer recording, in which it happens again, tells more"
 )
+UNFITTED: Final = (
+    "what is left shows in windows that were held out and in none that was fitted: no cause of it can be "
+    "fitted. A longer recording, in which it happens again, tells more"
+)
 UNSURE: Final = (
     "windows held out show a little more than noise and would not, had they been fitted, too: the others "
     "tell too little of how large the effects are. A longer recording tells more"
@@ -124,12 +128,12 @@ def _near(held: HeldOut) -> Mask:
 
 
 def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
-    """What is left, and a remark where windows that were fitted show it alone; `base` is of those."""
+    """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
     left = unexplained(found.held, found.chosen.held)
     if left.fraction > 0.0:
         if fits_both(found.chosen.found, found.chosen.held):
             return Unexplained(0.0), (UNSURE,)
-        return left, ()
+        return left, (UNFITTED,) if one_sided(found.seen, found.chosen.held) else ()
     if one_sided(found.seen, found.chosen.held):
         return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
     if not found.outlying and misfits(found.chosen.found):

@@ -8,7 +8,7 @@ from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recordin
 
 from seod.diagnose.begin import _rough
 from seod.diagnose.command import diagnose
-from seod.diagnose.conclude import RARE, UNSURE, Found, _left_over
+from seod.diagnose.conclude import RARE, UNFITTED, UNSURE, Found, _left_over
 from seod.diagnose.fit import fit
 from seod.diagnose.halves import SEEN, fits_both
 from seod.diagnose.judge import Judged
@@ -85,11 +85,18 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
 
 
 @pytest.mark.parametrize(
-    ("off", "shaken", "fits"),
-    [(1.02, 0.0, True), (1.06, 0.0, False), (1.0, 1.0, False)],
-    ids=["numbers that the others tell not quite", "numbers far off", "another movement"],
+    ("off", "shaken", "more_than_twice", "said"),
+    [
+        (1.02, 0.0, False, (UNSURE,)),
+        (1.06, 0.0, True, ()),
+        (1.0, 1.0, False, ()),
+        (1.0, 3.0, True, (UNFITTED,)),
+    ],
+    ids=["numbers that the others tell not quite", "numbers far off", "another movement", "a larger one"],
 )
-def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(off, shaken, fits):
+def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(
+    off, shaken, more_than_twice, said
+):
     u = multisine(6000)
     y = linear(u)
     noise = 0.01 * np.std(y)
@@ -99,11 +106,11 @@ def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(off,
     (found,) = detuned(to_fit, off)
     held = Judged.of(found, aside).held
     assert held.adequacy > ADEQUATE
-    assert (held.adequacy > SEEN) == (off > 1.03)
-    assert fits_both(found, held) == fits
+    assert (held.adequacy > SEEN) == more_than_twice
+    assert fits_both(found, held) == (said == (UNSURE,))
     best = Chosen(found, {}, held)
     (far,) = detuned(to_fit, 0.8)
     some = Found(far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
-    left, said = _left_over(some, Judged.of(far, to_fit).held)
-    assert (left.fraction == 0.0) == fits
-    assert said == ((UNSURE,) if fits else ())
+    left, told = _left_over(some, Judged.of(far, to_fit).held)
+    assert (left.fraction == 0.0) == (said == (UNSURE,))
+    assert told == said
