@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from seod.diagnose.answer import DiagnoseError
 from seod.diagnose.begin import Begun, baseline, scales
 from seod.diagnose.budget import Budget, further_s
-from seod.diagnose.choose import choose
+from seod.diagnose.choose import Choice, choose
 from seod.diagnose.column_check import gain_remarks
 from seod.diagnose.conclude import Found, answered, trimmed
 from seod.diagnose.defects import examine
@@ -18,6 +18,7 @@ from seod.diagnose.fit import fit
 from seod.diagnose.halves import finer, one_sided
 from seod.diagnose.judge import Judged
 from seod.diagnose.name import Chosen, found_effects
+from seod.diagnose.ramped import ramped_instead
 from seod.diagnose.rated import rated
 from seod.diagnose.roots import roots
 from seod.diagnose.score import held_out
@@ -165,8 +166,12 @@ def _search(start: _Start, way: _Way) -> Found:
     grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)
     choice = choose(base, grown, small, aside, screened)
+    ramped = ramped_instead(choice.best.found, way.sees_speed)
+    if ramped is not None:
+        choice = Choice(choice.base, choice.base, {})
     progress("measuring the gain", 0.8)
     chosen = Chosen(choice.best.found, choice.without, choice.best.held)
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.found, to_fit).held
-    return Found(choice.base.found, choice.base.held, chosen, seen, tuple(effects), grown)
+    said = () if ramped is None else (ramped.said,)
+    return Found(choice.base.found, choice.base.held, chosen, seen, tuple(effects), grown, remarks=said)

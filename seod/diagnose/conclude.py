@@ -64,6 +64,7 @@ class Found:
         effects: Of it, in order of gain.
         grown: What was tried.
         outlying: Rows far off were left out of what is scored, though not of the fits.
+        remarks: What else the user has to know of it.
     """
 
     base: Fitted
@@ -73,6 +74,7 @@ class Found:
     effects: tuple[FoundEffect, ...]
     grown: Grown
     outlying: bool = False
+    remarks: tuple[str, ...] = ()
 
 
 def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], output: Output) -> Diagnosis:
@@ -100,7 +102,11 @@ def answered(found: Found, to_fit: Cut, aside: Cut, checked: Sequence[Defects], 
         windows=tuple(_windows(found, base, best)),
         whole=drawn(aside, plain, whole),
         candidates=_candidates(found),
-        remarks=(*dict.fromkeys(remark for each in checked for remark in each.remarks), *rare),
+        remarks=(
+            *dict.fromkeys(remark for each in checked for remark in each.remarks),
+            *rare,
+            *found.remarks,
+        ),
     )
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
@@ -37,7 +38,8 @@ STEEPEST: Final = 1.001 / STIFFEST
 STALLED: Final = 1e-3
 """Least swing that a play is a share of, over half of that without effects."""
 LATE: Final = (0.025, 0.05, 0.075, 0.1, 0.15)
-"""Delays, in periods of the limit cycle."""
+RAMPS: Final = tuple(np.geomspace(0.06, 0.48, 16).tolist())
+"""Delays, and how long a valve's ramps last, in periods of the limit cycle."""
 CLOSE: Final = 1e-3
 STRIDE: Final = 1e-3
 MOST: Final = 160
@@ -45,7 +47,7 @@ MOST: Final = 160
 derivatives, and the most simulations. Each piece weighs as much as the others where they begin."""
 WORSE: Final = 10.0
 """What is left by a plant that cannot be simulated, over the recording."""
-RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
+RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.5))
 SHARED: Final = (0.01, 0.995)
 """Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, and shares."""
 STRONG: Final = 1e5
@@ -59,10 +61,13 @@ class Stretch:
 
     With a frequency `hidden` [rad/s], what has it is not compared. With `grown` what comes before the pieces
     is compared as well, if the recording begins there: how a limit cycle grew tells the plants of a valley
-    apart. Plants are simulated with a K_L `unit` of one over the command, whatever that is measured in.
+    apart. Where it is `ramped` a delay is how long the valve takes from one command to the other. Plants are
+    simulated with a K_L `unit` of one over the command, whatever that is measured in.
     """
 
-    def __init__(self, cut: Cut, hidden: float | None = None, *, grown: bool = False) -> None:
+    def __init__(
+        self, cut: Cut, hidden: float | None = None, *, grown: bool = False, ramped: bool = False
+    ) -> None:
         k, first, last = cut.windows[0]
         self.one: Series = cut.series[k]
         self.tick = self.one.tick
@@ -77,7 +82,8 @@ class Stretch:
         pieces = [slice(a, b) for a, b in pairwise(edges)]
         self.pieces = [rows for rows in pieces if np.count_nonzero(self.good[rows]) > FEWEST]
         self.omega = 2.0 * math.pi / self.one.period_s
-        self.delays = [late * self.one.period_s for late in (0.0, *LATE)]
+        self.ramped = ramped
+        self.delays = [late * self.one.period_s for late in (0.0, *(RAMPS if ramped else LATE))]
         self.unit = 1.0 / float(np.max(np.abs(self.one.u)))
         self.hidden = hidden
         self._swings: dict[tuple[float, ...], float] = {}
@@ -139,7 +145,7 @@ class Stretch:
         """A plant with a delay [s] that began at a place in its play, and what it leaves of the pieces."""
         plain, answer = self._plain(quicker, zeta, shares, rest)
         (cell,) = self._compared(answer, plain, [delay])
-        late = np.interp(self.t - delay, self.t, answer)
+        late = self._late(answer, delay)
         gain = cell.K_L / self.unit
         left = [seen - gain * own for seen, own in zip(self.seen, self._abouts(late), strict=True)]
         return cell, left
@@ -213,7 +219,7 @@ class Stretch:
 
     def _compared(self, answer: Array, plain: Cell, delays: Sequence[float]) -> list[Cell]:
         """The plant with each delay: what is left of each piece at the gain that fits best."""
-        moved = np.stack([np.interp(self.t - delay, self.t, answer) for delay in delays])
+        moved = np.stack([self._late(answer, delay) for delay in delays])
         pairs = list(zip(self.seen, self._abouts(moved), strict=True))
         size = sum(np.sum(b * b, axis=1) for _, b in pairs)
         gains = sum(b @ a for a, b in pairs) / np.maximum(size, 1e-300)
@@ -221,6 +227,13 @@ class Stretch:
         costs = np.mean(np.log(np.maximum(left, 1e-300)), axis=0)
         costs = np.where(np.isfinite(costs) & (gains != 0.0), costs, math.inf)
         return [self._sized(plain, *at) for at in zip(costs.tolist(), gains.tolist(), delays, strict=True)]
+
+    def _late(self, answer: Array, delay: float) -> Array:
+        """An answer with a delay [s]; of ramps the mean over their time."""
+        if not self.ramped:
+            return np.interp(self.t - delay, self.t, answer)
+        area = cumulative_trapezoid(answer, self.t, initial=0)
+        return answer if delay == 0.0 else (area - np.interp(self.t - delay, self.t, area)) / delay
 
     def _sized(self, plain: Cell, cost: float, gain: float, delay: float) -> Cell:
         size, K_L = abs(gain), gain * plain.K_L
