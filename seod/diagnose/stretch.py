@@ -47,9 +47,11 @@ MOST: Final = 160
 derivatives, and the most simulations. Each piece weighs as much as the others where they begin."""
 WORSE: Final = 10.0
 """What is left by a plant that cannot be simulated, over the recording."""
-RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.5))
+RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
+LONGEST: Final = 0.5
 SHARED: Final = (0.01, 0.995)
-"""Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, and shares."""
+"""Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, the longest ramp
+over it, and shares."""
 STRONG: Final = 1e5
 """Acceleration by which a plant is tried, at most [unit/s^2]."""
 STEADY: Final = ("lugre_friction.stiffness", "lugre_friction.damping")
@@ -83,6 +85,7 @@ class Stretch:
         self.pieces = [rows for rows in pieces if np.count_nonzero(self.good[rows]) > FEWEST]
         self.omega = 2.0 * math.pi / self.one.period_s
         self.ramped = ramped
+        self.ranges = [*RANGES[:2], (RANGES[2][0], LONGEST)] if ramped else RANGES
         self.delays = [late * self.one.period_s for late in (0.0, *(RAMPS if ramped else LATE))]
         self.unit = 1.0 / float(np.max(np.abs(self.one.u)))
         self.hidden = hidden
@@ -112,7 +115,7 @@ class Stretch:
         plant = [cell.omega_n / self.omega, cell.zeta, *late]
         plays = "backlash.gap" in cell.shares
         others = [*cell.shares.values(), *([REST] if plays else [])]
-        low, high = np.array([*np.log(RANGES[: len(plant)]), *[SHARED] * len(others)]).T
+        low, high = np.array([*np.log(self.ranges[: len(plant)]), *[SHARED] * len(others)]).T
         first = logit((np.array([*np.log(plant), *others]) - low) / (high - low))
         best = cell._replace(cost=math.inf)
 
