@@ -50,8 +50,8 @@ WORSE: Final = 10.0
 RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
 LONGEST: Final = 0.5
 SHARED: Final = (0.01, 0.995)
-"""Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, the longest ramp
-over it, and shares."""
+"""Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, or a ramp's
+length, at most `LONGEST`, and shares."""
 STRONG: Final = 1e5
 """Acceleration by which a plant is tried, at most [unit/s^2]."""
 STEADY: Final = ("lugre_friction.stiffness", "lugre_friction.damping")
