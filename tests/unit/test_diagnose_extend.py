@@ -100,6 +100,16 @@ def test_anything_else_is_no_relay(u, recorded):
     assert found.e_a == pytest.approx(0.5 * np.max(np.abs(u)))
 
 
+@pytest.mark.parametrize("zeta", [0.03, 0.21, 1.5])
+def test_the_limits_leave_room_for_the_limit_cycle(zeta, recorded, tmp_path):
+    path, again = tmp_path / "extended.yaml", tmp_path / "again.csv"
+    path.write_text(new_rig_file(Model(17.0, 117.0, zeta), seen(read(recorded), False), False, "x.csv"))
+    simulate(path, again, "--duration", 5, "--noise", 0)
+    data, limits = read(again), load_rig(path).axes["axis"].limits
+    assert 2.0 * np.max(np.abs(np.gradient(data.y, data.t))) < limits.speed
+    assert np.ptp(data.y) < limits.amplitude
+
+
 def test_it_matters_that_the_effects_are_in(recorded, tmp_path):
     path = tmp_path / "bare.yaml"
     path.write_text(new_rig_file(Model(17.0, 117.0, 0.21), seen(read(recorded), False), False, "x.csv"))

@@ -77,7 +77,8 @@ def new_rig_file(model: Model, found: Seen, speed: bool, source: str) -> str:
 
 def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, str]:
     """The axis' numbers: limits of a rig that cannot be hurt, wide around what was seen and is expected."""
-    swing = 1.3 * found.e_a * plant.K_L / (2.0 * plant.zeta * plant.omega_n) + found.hysteresis
+    at_resonance = 1.3 * found.e_a * plant.K_L / (2.0 * plant.zeta)
+    swing = at_resonance / plant.omega_n + found.hysteresis
     reach = 4.0 * max(swing, found.high - found.low)
     fastest = 4.0 * max(abs(found.low), abs(found.high), plant.K_L * found.e_a)
     reference = found.centre if speed else 0.0
@@ -93,7 +94,7 @@ def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, st
         "low": -fastest if speed else found.centre - 4.0 * reach,
         "high": fastest if speed else found.centre + 4.0 * reach,
         "amplitude": reach,
-        "speed": fastest if speed else 4.0 * plant.K_L * found.most_volts,
+        "speed": fastest if speed else 4.0 * max(at_resonance, plant.K_L * found.most_volts),
         "movement": 0.01 * (fastest if speed else swing),
         "reference": reference,
         "position": found.centre,
