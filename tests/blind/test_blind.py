@@ -143,7 +143,6 @@ def test_wilsons_interval_holds_what_is_known():
         pytest.param(18324, id="a play of a hundredth of the swing"),
         pytest.param(18359, id="outliers in windows that were fitted are not what a model lacks"),
         pytest.param(18970, id="a ripple of less than three steps of a coarse sensor"),
-        pytest.param(20438, id="a limited rate is no lag and no swinging load"),
         pytest.param(16847, id="a limited rate is told from two lags by how the limit cycle grows"),
     ],
 )
