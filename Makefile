@@ -32,7 +32,7 @@ format: $(READY)
 	$(BIN)/ruff format
 
 unit: $(READY)
-	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not processes"
+	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not slow and not processes"
 
 # New random examples for parsers, configurations and estimators: what fails becomes an @example.
 fuzz: $(READY)

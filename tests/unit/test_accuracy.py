@@ -117,6 +117,7 @@ def test_a_seed_makes_a_record_again_and_another_one_another():
     assert len({case.name for _, case in about_the_plants()} | {case.name for case in GRID}) == 24 + 21 * 3
 
 
+@pytest.mark.slow
 def test_wave_reaches_the_bound_and_its_intervals_hold():
     """A small run of the bench: 6 records of each plant."""
     heard = [hear(case, seed, compared=False) for case in PLAIN for seed in range(6)]
@@ -141,6 +142,7 @@ def test_both_baselines_find_the_plant_without_noise():
     assert (omega_n, zeta) == pytest.approx((run.plant.omega_n, run.plant.zeta), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_noise_misleads_least_squares_and_not_the_filter():
     heard = [hear(PLAIN[1], seed) for seed in range(4)]
     assert summary(heard, "RLS").bias[1] > 0.2

@@ -212,6 +212,7 @@ def test_an_estop_after_an_axis_fault_is_told_for_those_that_still_moved(bench: 
     ]
 
 
+@pytest.mark.slow
 def test_axes_take_turns_until_stopped(bench: Callable[..., Axes]) -> None:
     seat = bench(changes=in_turn())
     assert seat.call("start") is None
@@ -297,6 +298,7 @@ def test_no_axis_starts_if_one_cannot(bench: Callable[..., Axes]) -> None:
     assert seat.states() == {"pitch": "idle", "roll": "idle"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["together", "in_turn"])
 def test_estimates_of_both_axes_are_true_at_once(bench: Callable[..., Axes], order: str) -> None:
     seat = bench(changes={"excitation": {"order": order, "turn": 1.0}})

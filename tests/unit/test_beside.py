@@ -95,6 +95,7 @@ def test_a_speed_needs_no_position():
     assert np.std(left) < 0.01 * np.std(s.y)
 
 
+@pytest.mark.slow
 def test_friction_needs_the_kernel():
     """Truth by other equations; the closed form sees it as another plant, the kernel does not."""
     config = rig_config()
@@ -111,6 +112,7 @@ def test_friction_needs_the_kernel():
     assert not error.beyond
 
 
+@pytest.mark.slow
 def test_the_kernel_answers_from_a_process_of_its_own():
     config = rig_config()
     simulation = config.simulation
@@ -221,6 +223,7 @@ async def play(run, t, y, u):
             await asyncio.sleep(0.02)  # stretches that come while one is computed are left out
 
 
+@pytest.mark.slow
 async def test_the_gateway_streams_the_error_and_says_when_the_rig_leaves_its_model():
     t, y, u = relay_rows((17.0, 117.0, 0.21), 9000, change=(3000, (17.0, 90.0, 0.5)))
     async with running() as run, peer(run) as client:

@@ -86,6 +86,7 @@ def calibrated(K_L: float, rate_hz: float, **plant: Any) -> tuple[Result, float]
         bench.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "rate_hz", "plant"),
     [

@@ -152,6 +152,7 @@ async def watched(run, out, count, before):
     return out.getvalue()
 
 
+@pytest.mark.slow
 async def test_watch_writes_lines_where_there_is_no_terminal():
     async with running() as run:
         shown = await watched(run, io.StringIO(), 3, lambda: run.loop.become(AxisState.EXCITING))

@@ -79,6 +79,7 @@ def test_effects_within_their_ranges_survive_the_way_to_the_kernel(effects: dict
             assert record[f"{name}_{of}"][0] == value
 
 
+@pytest.mark.slow
 def test_editors_know_each_effect_with_its_ranges() -> None:
     schema = rig_schema()
     jsonschema.validate(parse(with_effects("backlash: {gap: 0.01}")).value, schema)

@@ -97,6 +97,7 @@ def test_the_examples_stay_right_as_they_are_written_here(document: object) -> N
     assert judge(written(document)) is not None
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(mutated())
 def test_no_mutation_of_an_example_crashes_the_loader(document: object) -> None:

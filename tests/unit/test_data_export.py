@@ -341,6 +341,7 @@ def test_a_bar_is_shown_on_a_terminal_and_nothing_is_lost(monkeypatch, tmp_path)
     assert "run.csv" in terminal.getvalue()
 
 
+@pytest.mark.slow
 def test_the_daemon_imports_no_heavy_reader():
     heavy = "{'pyarrow', 'asammdf', 'pandas', 'matplotlib'}"
     modules = "seod.gateway.process, seod.data, seod.data.export, seod.data.summary, seod.commands.recordings"

@@ -246,6 +246,7 @@ def test_a_part_of_the_time(tmp_path):
 # Records of real rigs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "rows", "first", "last"),
     [

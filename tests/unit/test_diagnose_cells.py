@@ -33,6 +33,8 @@ from seod.diagnose.stretch import Stretch
 from seod.diagnose.windows import Cut, cut, pieces, sparse
 from sim.parameters import parameters
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("kind", "causes"),

@@ -111,6 +111,7 @@ def test_pieces_hold_a_period_at_least():
     assert len(pieces(slow, 0.5).windows) > 10 * len(slow.windows)
 
 
+@pytest.mark.slow
 def test_a_search_without_time_answers_and_says_what_it_left_out(tmp_path):
     u = command(4000)
     t, y, _, _ = simulate(u, {"coulomb_friction": {"level": LEVEL}})

@@ -22,6 +22,8 @@ from seod.diagnose.states import begun_states, simulated_states
 from seod.diagnose.windows import Cut, cut, pieces, series
 from sim.parameters import parameters
 
+pytestmark = pytest.mark.slow
+
 RATE, N = 1000.0, 4000
 T = np.arange(N) / RATE
 TRUTH = {"K_L": 17.0, "omega_n": 60.0, "zeta": 0.4}

@@ -37,6 +37,7 @@ def deviations(found, cut_to):
     return {name: (values[name] - TRUTH[name]) / sd[name] for name in TRUTH}, sd
 
 
+@pytest.mark.slow
 def test_eq_1_is_found_without_any_start(clean):
     found = baseline(clean[0], False, {}).best
     off, sd = deviations(found, clean[0])
@@ -45,6 +46,7 @@ def test_eq_1_is_found_without_any_start(clean):
     assert np.mean(found.error) == pytest.approx(clean[0].noise[0] ** 2, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_same_of_a_speed_with_a_turned_sign():
     u = multisine(6000)
     one = series(recording(u, -linear(u, speed=True)), sees_speed=True)
@@ -53,6 +55,7 @@ def test_the_same_of_a_speed_with_a_turned_sign():
     assert found.model.values(found.x)["K_L"] == pytest.approx(-K_L, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
     found, tried = baseline(clean[0], False, {}).best, []
     monkeypatch.setattr(Search, "stepped", lambda *_: tried.append(1))
@@ -63,6 +66,7 @@ def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
     assert len(tried) > 1
 
 
+@pytest.mark.slow
 def test_a_curvature_that_rounding_made_negative_breaks_nothing_off(clean):
     found = baseline(clean[0], False, {}).best
     assert base_sd(found, np.diag([-1e-30, 1e-6, 1e-6]))["K_L"] == 0.0
@@ -93,6 +97,7 @@ def test_a_lag_is_found_through_the_valley_where_gain_and_damping_change_togethe
     assert lag.ci95[1] - lag.ci95[0] < 2e-4
 
 
+@pytest.mark.slow
 def test_one_bad_window_has_no_veto():
     u = multisine(8000)
     y = linear(u)
@@ -137,6 +142,7 @@ def test_nrmse_takes_the_mean_of_each_window_away():
     assert nrmse([(y[:2], y[:2] + 1.0, every), (y[2:], y[2:], every)]) == pytest.approx(np.sqrt(2.0 / 4.0))
 
 
+@pytest.mark.slow
 def test_sizes_are_those_of_the_movement(clean):
     near, found, whole = baseline(clean[0], False, {})
     sizes = scales(near, clean[0])

@@ -18,6 +18,8 @@ from seod.diagnose.name import Chosen
 from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, series
 
+pytestmark = pytest.mark.slow
+
 T = np.arange(12000) / RATE
 LIMIT = 0.6
 

@@ -21,6 +21,8 @@ from seod.diagnose.select import BEAM, RICHER, SECOND, survivors
 from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series, sparse
 
+pytestmark = pytest.mark.slow
+
 PLANT = {"omega_n": 100.0, "zeta": 0.3}
 
 

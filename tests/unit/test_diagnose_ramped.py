@@ -25,6 +25,8 @@ from seod.diagnose.select import Grown
 from seod.diagnose.states import simulated_states
 from seod.diagnose.windows import cut, pieces, series
 
+pytestmark = pytest.mark.slow
+
 RATE = 60.0
 SUBTICKS = 20
 CAUSES = {"valve_lag": {"time": 0.0015}, "load_resonance": {"inertia": 0.1, "omega": 190.0, "zeta": 0.08}}

@@ -41,6 +41,8 @@ from seod.diagnose.states import (
 from seod.diagnose.windows import Cut, cut, pieces, sparse
 from sim.effects import EFFECTS
 
+pytestmark = pytest.mark.slow
+
 
 def test_fewer_samples_see_the_same_plant():
     one, _ = recorded("stalls")

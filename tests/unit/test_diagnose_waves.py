@@ -16,6 +16,8 @@ from seod.diagnose.budget import Budget
 from seod.diagnose.screen import SWINGS, screen
 from seod.diagnose.windows import cut, pieces, series
 
+pytestmark = pytest.mark.slow
+
 T = np.arange(6000) / 500.0
 
 

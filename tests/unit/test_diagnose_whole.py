@@ -27,6 +27,8 @@ from seod.diagnose.widen import widened
 from seod.diagnose.windows import Cut, cut, pieces, series, undivided
 from sim.parameters import parameters
 
+pytestmark = pytest.mark.slow
+
 RATE = 500.0
 T = np.arange(9000) / RATE
 GAIN, VISCOUS, LEVEL, OFFSET = 0.36, 2.1, 0.2, 0.03

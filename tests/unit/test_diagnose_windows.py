@@ -97,6 +97,7 @@ def test_a_command_that_is_missing_is_the_one_before(one):
     assert np.all(series(of(linear(multisine(12000)), u=u)).u[100:103] == u[99])
 
 
+@pytest.mark.slow
 def test_windows_begin_where_the_plant_written_apart_is():
     """Delay, lag and hysteresis from the recording's start; the load from each window's own."""
     effects = {

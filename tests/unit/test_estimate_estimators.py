@@ -108,6 +108,7 @@ def test_peaks_are_not_broken_by_noise(lowpass):
     assert np.mean([e.zeta for e in noisy]) == pytest.approx(clean.zeta, rel=0.03)
 
 
+@pytest.mark.slow
 def test_ninety_five_percent_intervals_cover_the_truth():
     inside = []
     for seed in range(18):
@@ -292,6 +293,7 @@ _row = st.builds(
 )
 
 
+@pytest.mark.slow
 @hypothesis_settings(max_examples=60, deadline=None)
 @given(st.lists(_row, max_size=40), st.sampled_from(["peaks", "exact", "wave"]))
 def test_nonsense_rows_are_survived(feed, method):
@@ -319,6 +321,7 @@ def test_any_motion_under_a_switching_relay_is_survived(runs, method, gain):
     assert all(is_clean(e) for e in run(feed, method=method, K_L=gain, cycles=1))
 
 
+@pytest.mark.slow
 @hypothesis_settings(max_examples=25, deadline=None)
 @given(st.data(), st.sampled_from(["peaks", "exact", "wave"]))
 def test_good_rows_with_some_spoilt_are_survived(data, method):

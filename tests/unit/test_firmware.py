@@ -74,6 +74,7 @@ def body(chance: random.Random, size: int) -> bytes:
     return chance.choice([chance.randbytes(size), bytes(size), chance.randbytes(size).replace(b"\0", b"\1")])
 
 
+@pytest.mark.slow
 def test_both_encode_alike(codec: Path) -> None:
     frames = random_frames(2000)
     lines = "".join(f"{f.type} {f.sequence} {f.body.hex()}\n" for f in frames)

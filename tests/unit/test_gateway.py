@@ -112,6 +112,7 @@ async def test_events_of_the_loop_reach_subscribers_but_replies_do_not():
     assert (event["state"], event["previous"]) == ("armed", "idle")
 
 
+@pytest.mark.slow
 async def test_health_tells_how_the_loop_does():
     async with running() as run, peer(run) as client:
         shared = run.loop.shared
@@ -223,6 +224,7 @@ async def test_a_row_written_before_the_fault_does_not_take_it_back():
         assert axis.state == "fault"
 
 
+@pytest.mark.slow
 async def test_when_no_rows_come_the_estimate_is_stale(monkeypatch):
     monkeypatch.setattr("seod.gateway.rig.SILENCE_S", 0.05)
     async with running() as run, peer(run) as client:

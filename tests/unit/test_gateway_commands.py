@@ -97,6 +97,7 @@ async def test_a_command_waits_for_a_loop_that_is_about_to_start():
         assert (await client.read()) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
 
 
+@pytest.mark.slow
 async def test_before_the_loop_ticks_commands_are_refused():
     async with running(started=False) as run, peer(run) as client:
         error = await client.call("start")

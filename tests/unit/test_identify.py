@@ -53,6 +53,7 @@ def test_all_four_are_found_without_noise(output):
     assert found.quality == "ok"
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth():
     truth = np.array([OMEGA_N, ZETA, DELAY, K_L])
     scores = []
@@ -65,6 +66,7 @@ def test_the_intervals_hold_the_truth():
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth_in_coloured_noise():
     scores = []
     for seed in range(10):
@@ -162,6 +164,7 @@ def test_a_clipped_sensor_is_called_saturated():
     assert found.advice is None
 
 
+@pytest.mark.slow
 def test_a_voltage_that_runs_on_between_samples_needs_the_hold_of_first_order():
     n, tick = 3000, 0.004
     t = np.arange(n) * tick
@@ -196,6 +199,7 @@ def fonts():
     figure.savefig(io.BytesIO(), format="png")
 
 
+@pytest.mark.slow
 def test_the_command_prints_json_of_the_contract(tmp_path, fonts):
     t, u, y = simulated(5, 0.01, n=600)
     file = tmp_path / "a.csv"
@@ -245,6 +249,7 @@ def chirp():
     return t, u, y
 
 
+@pytest.mark.slow
 def test_the_measured_chirp_says_what_it_cannot_tell(chirp):
     half = (column[:30_000] for column in chirp)
     found = identify([Record("chirp", *half, output="velocity")])
@@ -256,6 +261,7 @@ def test_the_measured_chirp_says_what_it_cannot_tell(chirp):
     assert found.as_json()["delay"] == {"value": 0.0, "sd": None}
 
 
+@pytest.mark.slow
 def test_the_measured_chirp_without_delay_gives_the_published_plant(chirp):
     """omega_n 94.50 rad/s, zeta 1.230, gain 1.013, error 5.0 %: u runs straight on between samples."""
     record = Record("chirp", *chirp, output="velocity", hold="first")

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -26,6 +27,7 @@ def outcome(*args, **kwargs):
         return None if str(error).startswith("x: ") else error
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(STEPS, COLUMNS, COLUMNS, st.sampled_from(["position", "velocity"]), st.sampled_from(["zero", "first"]))
 def test_any_numbers_get_a_word(steps, u, y, output, hold):

@@ -28,6 +28,7 @@ def answer(*arguments):
     return json.loads(done.output)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "within"), [("wave", 0.003), ("exact", 0.01), ("peaks", 0.06)])
 def test_each_method_finds_the_plant_in_a_logger_s_file(file, method, within):
     found = answer(file, "--method", method, "--gain", K_L, "--delay", 0)
@@ -39,6 +40,7 @@ def test_each_method_finds_the_plant_in_a_logger_s_file(file, method, within):
     assert found["answers"]["ok"] > 10
 
 
+@pytest.mark.slow
 def test_wave_s_deviations_are_those_of_windows_that_share_no_sample(file):
     found = answer(file, "--method", "wave", "--gain", K_L, "--delay", 0)
     whole = answer(file, "--gain", K_L, "--delay", 0)

@@ -18,6 +18,7 @@ def numba_after(code: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code",
     [
@@ -33,6 +34,7 @@ def test_the_daemon_and_its_rig_files_do_without(code: str) -> None:
     assert numba_after(code) == "[]"
 
 
+@pytest.mark.slow
 def test_a_virtual_rig_that_is_opened_has_it() -> None:
     code = (
         "from drivers.virtual import VirtualDriver; from seod.config.load import load_rig; "

@@ -89,6 +89,7 @@ def in_the_kernel(
 INTEGRATED = ("pressure", "velocity", "position", "velocity2", "position2", "bristle", "reading")
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(
     plant=plants,

@@ -30,6 +30,7 @@ def left(name, plant, speed):
     return float(np.sqrt(np.mean((error - (error.mean() if speed else 0.0)) ** 2)) / np.std(data.y))
 
 
+@pytest.mark.slow
 @needs_data
 def test_friction_explains_the_positioning_record_better_than_published():
     effects = {"coulomb_friction": {"level": 0.24819}, "load_bias": {"acceleration": -0.037205}}
@@ -39,6 +40,7 @@ def test_friction_explains_the_positioning_record_better_than_published():
     assert left(name, (*motor, {}), False) > 1.0
 
 
+@pytest.mark.slow
 @needs_data
 def test_play_of_the_valve_explains_what_a_delay_leaves_of_the_chirp():
     effects = {"transport_delay": {"time": 1.53e-3}, "valve_hysteresis": {"half_width": 0.04587}}

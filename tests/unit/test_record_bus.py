@@ -113,6 +113,7 @@ def test_what_was_heard_before_the_end_is_written_by_a_slow_format_too(tmp_path,
     assert log.report()["lost"] == 0
 
 
+@pytest.mark.slow
 def test_what_waits_too_long_is_counted_and_said(tmp_path, peer, slow, monkeypatch, capsys):
     monkeypatch.setattr(bus_module, "WAITING_FRAMES", 5)
     slow[0] = 0.3
@@ -165,6 +166,7 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path, peer, name, why):
         BusLog(tmp_path / name, OPTIONS)
 
 
+@pytest.mark.slow
 def test_the_loop_loads_python_can_without_its_file_formats():
     code = """if True:
         import sys

@@ -164,6 +164,7 @@ def played(recording: Path) -> Iterator[Played]:
     it.close()
 
 
+@pytest.mark.slow
 def test_estimates_are_those_of_the_live_run_bit_for_bit(recording: Path, played: Played) -> None:
     live = estimates(Content(recording).json(ESTIMATES + "motor"))
     played.run()
@@ -174,6 +175,7 @@ def test_estimates_are_those_of_the_live_run_bit_for_bit(recording: Path, played
     assert again == live
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_the_live_run_bit_for_bit(recording: Path, played: Played) -> None:
     played.run()
     again = np.concatenate(played.notes.blocks)
@@ -182,6 +184,7 @@ def test_rows_are_those_of_the_live_run_bit_for_bit(recording: Path, played: Pla
     assert set(live["axes"]["u"][:, 0]) >= {-0.5, 0.0, 0.5}
 
 
+@pytest.mark.slow
 def test_events_come_again_and_the_end_is_told(recording: Path, played: Played) -> None:
     played.run()
     live = [e for e in Content(recording).json(EVENTS) if e["event"] not in ("started",)]
@@ -191,6 +194,7 @@ def test_events_come_again_and_the_end_is_told(recording: Path, played: Played) 
     assert {e["event"] for e in live} >= {"state", "changed"}
 
 
+@pytest.mark.slow
 def test_a_small_ring_and_real_time_change_nothing(recording: Path) -> None:
     live = estimates(Content(recording).json(ESTIMATES + "motor"))
     it = Played(recording, realtime=True, rows=64)
@@ -201,6 +205,7 @@ def test_a_small_ring_and_real_time_change_nothing(recording: Path) -> None:
     it.close()
 
 
+@pytest.mark.slow
 def test_nothing_can_be_started_and_what_ends_a_movement_is_done(played: Played) -> None:
     for number, op in enumerate(("start", "set", "drive", "stop", "estop", "reset", "keepalive")):
         played.shared.commands.put({"id": number, "op": op, "axis": None, "values": {}})

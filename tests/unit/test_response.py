@@ -16,6 +16,8 @@ from seod.respond.period import even_voltage, find_period
 from seod.respond.points import Points
 from seod.respond.spectrum import of_voltage, spectra
 
+pytestmark = pytest.mark.slow
+
 RATE = 1000.0
 
 

@@ -57,6 +57,7 @@ def test_multisines_have_odd_lines_some_left_out_and_new_phases() -> None:
     assert peak == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_many_lines_are_thinned_and_too_few_refused() -> None:
     tones = multisines((0.1, 100.0), 10.0, 1, "velocity", np.random.default_rng(1))[0]
     assert len(tones) <= MOST_TONES
@@ -78,6 +79,7 @@ def test_the_motion_expected_stays_within_its_room() -> None:
     assert blind < factor
 
 
+@pytest.mark.slow
 def test_a_plan_fits_the_rig_or_says_what_would(rig: RigConfig) -> None:
     axis = rig.axes["motor"]
     room = room_of(axis, 0.1, 0.0, 0.0)
@@ -169,6 +171,7 @@ def test_a_busy_axis_is_left_alone(rig: RigConfig, monkeypatch: pytest.MonkeyPat
     assert (client.stopped, client.drives) == (0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e_a", [0.3, 1.2])
 def test_what_a_large_amplitude_changes_is_predicted(rig: RigConfig, e_a: float) -> None:
     """Flow by the square root: relay and tones see two plants, in the kernel as in truth written apart."""
@@ -232,6 +235,7 @@ def fonts(tmp_path_factory: pytest.TempPathFactory) -> None:
     figure.savefig(tmp_path_factory.mktemp("fonts") / "x.png")
 
 
+@pytest.mark.slow
 def test_recordings_become_a_table_json_and_a_plot(
     recordings: tuple[Path, Path], tmp_path: Path, fonts: None
 ) -> None:

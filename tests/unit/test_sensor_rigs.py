@@ -149,6 +149,7 @@ def test_rows_tell_where_the_sensor_clips(bench: Callable[..., Bench]) -> None:
     assert any(marked)
 
 
+@pytest.mark.slow
 def test_zeta_and_omega_n_are_right_behind_a_converter_that_lags_and_ripples() -> None:
     """Velocity mode at 32.5 rad/s; the ripple is of 500 Hz there."""
     sensor = {"kind": "fv_converter", "unit": "rad/s", "scale": 20.0, "lag": 1.5e-3}

@@ -59,6 +59,7 @@ async def test_a_client_that_goes_away_in_the_middle_leaves_nothing():
 # ---- many and slow clients
 
 
+@pytest.mark.slow
 async def test_a_client_that_never_reads_holds_up_nobody_and_costs_little():
     async with running() as run:
         stuck = socket.socket()
@@ -92,6 +93,7 @@ async def test_a_client_that_never_reads_holds_up_nobody_and_costs_little():
             await writer.wait_closed()
 
 
+@pytest.mark.slow
 async def test_a_client_that_asks_without_reading_is_not_read_from():
     async with running() as run:
         reader, writer = await asyncio.open_connection("127.0.0.1", run.port, limit=1024)

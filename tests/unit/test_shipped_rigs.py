@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
 
+pytestmark = pytest.mark.slow
+
 RIGS = sorted(configs_dir().glob("*.yaml"))
 LINES = {"arduino", "serial"}
 """Their other end is a process of its own that keeps real time: tests/test_serial.py."""

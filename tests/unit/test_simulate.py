@@ -67,6 +67,7 @@ def edited(tmp_path, *changes, source=VIRTUAL):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
 def test_each_shipped_rig_tells_its_truth(path, tmp_path):
     """Recordings of all axes, identified by the estimator."""
@@ -171,6 +172,7 @@ def test_what_has_no_small_signals_says_so(tmp_path):
     assert small["K_L"] in {0.0, None}
 
 
+@pytest.mark.slow
 def test_numbers_are_si_of_the_axis_whatever_the_channels_carry(tmp_path):
     """The same plant, with its channel in degrees and its amplifier in inverted millivolts."""
     scaled = edited(
@@ -299,6 +301,7 @@ def test_where_the_recording_goes_is_checked_first(tmp_path):
     assert "has the axes pitch, roll: choose one by --axis" in refusal(seat, tmp_path / "out.csv")
 
 
+@pytest.mark.slow
 def test_it_runs_as_a_process_of_its_own(tmp_path):
     out = tmp_path / "out.csv"
     words = [

@@ -27,6 +27,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_long_work_shows_how_far_it_is_and_errors_come_through():
     console = Console(file=io.StringIO(), force_terminal=True, width=80)
     asked = []

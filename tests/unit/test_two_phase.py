@@ -16,6 +16,8 @@ from tests.unit.whole_rig import WholeRig
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+pytestmark = pytest.mark.slow
+
 K_L = 17.0
 PLANTS = [(0.21, 117.0), (0.45, 145.0), (0.8, 60.0)]
 

@@ -34,12 +34,14 @@ def test_all_four_come_out_together_within_a_second(zeta, omega_n, delay):
     assert newest.K_L_sd < 2e-3 * K_L
 
 
+@pytest.mark.slow
 def test_one_phase_alone_cannot_tell_the_gain_and_says_so():
     one = answers(Alternation(0.45, 145.0, shift=0.0, noise=0.01), 1.0)[-1]
     two = answers(Alternation(0.45, 145.0, noise=0.01), 1.0)[-1]
     assert one.K_L_sd > 20.0 * two.K_L_sd
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth():
     off = []
     for seed in range(12):
@@ -91,6 +93,7 @@ def test_the_later_the_better_and_the_farther(zeta, omega_n):
     assert swings == sorted(swings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("zeta", "omega_n"), PLANTS)
 def test_the_bound_is_what_the_estimator_comes_to(zeta, omega_n):
     choice = choose(Seen(Dynamics(omega_n, zeta, TICK), 0.0, K_L), DRIVE, FREE, 3, 0.25)

@@ -16,6 +16,8 @@ from tests.unit.loop_bench import PERIOD, Bench, merge
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+pytestmark = pytest.mark.slow
+
 E_A, K_L = 0.5, 17.0
 SPEED_AMPLITUDE = 26.0
 """Of the limit cycle at zeta 0.21 and omega_n 117 [rad/s]."""

@@ -15,6 +15,8 @@ from tests.unit.ode_rig import Motor, OdeDriver
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+pytestmark = pytest.mark.slow
+
 E_A, K_L, NULL = 0.5, 17.0, 0.07
 PLANTS = [(0.21, 117.0, 32.5), (0.45, 145.0, 120.0), (0.8, 60.0, 0.0)]
 FIELDS = (*AXIS_FIELDS, "state", "flags")

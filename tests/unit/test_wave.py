@@ -19,6 +19,8 @@ from sim.parameters import parameters
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
 
+pytestmark = pytest.mark.slow
+
 
 def run(feed: list[Row], loop: Loop | None = None, **known) -> list[Estimate]:
     estimator = make_estimator(settings("wave", loop, **known))

@@ -15,6 +15,8 @@ from relay_truth import E_A, K_L, PLANTS, TICK, Loop, rows, settings
 from seod.estimate import TABLE, make_estimator
 from seod.estimate.base import QUALITIES, Estimate, Row
 
+pytestmark = pytest.mark.slow
+
 NUMBERS = st.one_of(
     st.floats(-1.0, 1.0), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e300, 1e9, 1e-300, E_A, -E_A])
 )

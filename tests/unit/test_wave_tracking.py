@@ -15,6 +15,8 @@ from seod.estimate.base import Estimate, Row
 from seod.estimate.gain_course import under_one_gain
 from seod.estimate.wave_answer import DRIFTS
 
+pytestmark = pytest.mark.slow
+
 ZETA, OMEGA_N = PLANTS[1]
 PARTS = 5
 
