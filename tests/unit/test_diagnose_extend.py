@@ -110,6 +110,17 @@ def test_the_limits_leave_room_for_the_limit_cycle(zeta, recorded, tmp_path):
     assert np.ptp(data.y) < limits.amplitude
 
 
+@pytest.mark.parametrize("zeta", [0.02, 0.8])
+def test_so_do_those_of_a_speed(zeta, tmp_path):
+    out, path = tmp_path / "speed.csv", tmp_path / "extended.yaml"
+    simulate(configs_dir() / "servo-virtual.yaml", out, "--duration", 2, "--noise", 0)
+    found = seen(read(out, units="y=rad/s"), speed=True)
+    path.write_text(new_rig_file(Model(17.434, 60.0, zeta), found, True, out.name))
+    simulate(path, tmp_path / "again.csv", "--duration", 5, "--noise", 0)
+    low, high = load_rig(path).axes["axis"].limits.travel
+    assert 2.0 * np.max(np.abs(read(tmp_path / "again.csv").y)) < min(-low, high)
+
+
 def test_it_matters_that_the_effects_are_in(recorded, tmp_path):
     path = tmp_path / "bare.yaml"
     path.write_text(new_rig_file(Model(17.0, 117.0, 0.21), seen(read(recorded), False), False, "x.csv"))

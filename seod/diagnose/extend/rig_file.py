@@ -80,7 +80,8 @@ def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, st
     at_resonance = 1.3 * found.e_a * plant.K_L / (2.0 * plant.zeta)
     swing = at_resonance / plant.omega_n + found.hysteresis
     reach = 4.0 * max(swing, found.high - found.low)
-    fastest = 4.0 * max(abs(found.low), abs(found.high), plant.K_L * found.e_a)
+    seen = max(abs(found.low), abs(found.high)) if speed else 0.0
+    fastest = 4.0 * max(seen, at_resonance, plant.K_L * found.most_volts)
     reference = found.centre if speed else 0.0
     held = abs(reference) / plant.K_L
     rate = min(_RATES[1], max(_RATES[0], found.rate_hz))
@@ -94,7 +95,7 @@ def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, st
         "low": -fastest if speed else found.centre - 4.0 * reach,
         "high": fastest if speed else found.centre + 4.0 * reach,
         "amplitude": reach,
-        "speed": fastest if speed else 4.0 * max(at_resonance, plant.K_L * found.most_volts),
+        "speed": fastest,
         "movement": 0.01 * (fastest if speed else swing),
         "reference": reference,
         "position": found.centre,
