@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     from pydantic import BaseModel
 
+    from drivers.connection import Connection, Demand
+
 Clock = "Callable[[], float]"
 """Returns CLOCK_MONOTONIC in s (or simulated time): handed in, so that drivers are tested without waiting."""
 
@@ -69,6 +71,27 @@ class Sample(NamedTuple):
 NO_SAMPLE = Sample(math.nan, -math.inf)
 
 
+class StampError(NamedTuple):
+    """How far the times of samples may be off, as standard deviations [s]; nan where a driver cannot know.
+
+    Attributes:
+        common: Of the error that all samples of a window share, against the times of commands: it acts as a
+            delay that nobody told.
+        scatter: Of the error of each sample beside that, independent of its neighbours': it acts as noise.
+
+    What lies before a sample is stamped (the sensor's own delay) or after a command has left is not in it.
+    """
+
+    common: float
+    scatter: float
+
+
+UNKNOWN_STAMPS = StampError(math.nan, math.nan)
+
+UNTOLD_PERIODS = 2.0
+"""Periods for which a command or a reading may be under way unseen: one of each end's device."""
+
+
 class Driver(ABC):
     """Base of all drivers; they are listed in `drivers.TABLE` or under the entry point `seod.drivers`."""
 
@@ -81,6 +104,15 @@ class Driver(ABC):
     counter_names: ClassVar[tuple[str, ...]]
     """Names of the health counters, fixed for a class, in the order of `counters`."""
 
+    acts_on: ClassVar[Literal["rig", "simulation", "recording"]] = "rig"
+    """What commands reach: a rig, one that is simulated in this process, or nothing at all."""
+
+    peer: ClassVar[str] = ""
+    """Module whose `run` plays the simulated rig on the other end; "" where there is no other end."""
+
+    bus_log: ClassVar[bool] = False
+    """True if all that travels can be logged beside the daemon, as on a bus."""
+
     commands_sent: int = 0
     """Command frames sent so far, where frames carry a sequence counter."""
 
@@ -90,11 +122,25 @@ class Driver(ABC):
         self.counters: list[int] = [0] * len(self.counter_names)
         self.trouble = ""
         """Why the rig cannot be reached now ("" when it can); the guard faults on it."""
+        self.foreign_commands = 0
+        """Commands to our actuators that somebody else sent, as far as the connection shows them."""
+        self.remarks: list[tuple[str, str]] = []
+        """Warnings, each a code and a sentence, for the loop to take away and to tell."""
 
     @classmethod
     @abstractmethod
     def channels(cls, options: Any) -> tuple[Channel, ...]:
         """All channels that these options offer, without opening anything (`seod check` uses it)."""
+
+    @classmethod
+    def claims(cls, options: Any, outputs: Sequence[str]) -> tuple[str, ...]:  # noqa: ARG003 - for those that can
+        """What of the connection no other daemon may command, in words; locked before it is opened."""
+        return ()
+
+    @classmethod
+    def connection(cls, options: Any, demand: Demand) -> Connection | None:  # noqa: ARG003 - for those that can be full
+        """The connection as the rig file would use it, for `seod check`; None where nothing can be full."""
+        return None
 
     @abstractmethod
     def open(
@@ -134,6 +180,29 @@ class Driver(ABC):
         Where it confirms late, from the confirmations before. Empty where it confirms nothing.
         """
         return ()
+
+    def tell_foreign(self) -> str:
+        """The newest command that somebody else sent, for people."""
+        return ""
+
+    def why_old(self, place: int) -> str:  # noqa: ARG002 - for those that know
+        """What speaks against the newest frames of the input at this place in `read`; "" if nothing does."""
+        return ""
+
+    def stamp_error(self) -> StampError:
+        """How far the newest `Sample.t` may be off, as measured while the rig runs; called now and then."""
+        return UNKNOWN_STAMPS
+
+    def untold_delay(self, tick: float) -> float:
+        """How long commands and readings may well be under way beside what their times tell [s].
+
+        From a command's leaving to the actuator, and from a sensor's reading to its stamp: devices with
+        periods of their own, frames that wait. Estimators begin with it as the delay's standard deviation.
+
+        Args:
+            tick: Period of the loop [s].
+        """
+        return UNTOLD_PERIODS * tick
 
     @abstractmethod
     def neutral(self, t: float) -> float:

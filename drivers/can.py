@@ -2,11 +2,14 @@
 
 Every sample has the time at which the kernel took its frame, and every command is confirmed by the kernel's
 echo of it. Interfaces without echo have no bound on commands in flight and no times of leaving; interfaces
-whose stamps are not of CLOCK_REALTIME have the time of reading instead.
+whose stamps are not of CLOCK_REALTIME have the time of reading instead. What is not our echo and yet one of
+our commands was sent by somebody else, and is told.
 """
 
 from __future__ import annotations
 
+import math
+import os
 import time
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -17,8 +20,10 @@ from drivers.can_commands import CommandFrame
 from drivers.can_config import CanOptions
 from drivers.can_fixed import FixedFrames
 from drivers.can_inputs import InputFrame
+from drivers.can_interfaces import REALTIME_STAMPS, echo_of
 from drivers.can_link import CanLink, filters_for
 from drivers.can_outputs import CanOutputs
+from drivers.can_traffic import can_connection
 from drivers.clock import StampClock
 
 if TYPE_CHECKING:
@@ -26,10 +31,8 @@ if TYPE_CHECKING:
 
     import can
 
-WITH_ECHO = {"socketcan", "virtual", "kvaser", "vector", "pcan", "neovi", "nixnet", "etas"}
-"""Interfaces of python-can that hand back our own frames once they are sent."""
-REALTIME_STAMPS = {"socketcan", "virtual", "udp_multicast"}
-"""Interfaces whose stamps are of this machine's CLOCK_REALTIME."""
+    from drivers.connection import Connection, Demand
+
 FRAMES_A_READ = 512
 """Frames taken in one read at most, so that a flood cannot hold a tick."""
 CLOSE_TRIES, CLOSE_WAIT_S = 25, 0.002
@@ -45,6 +48,8 @@ class CanDriver(Driver):
     Options = CanOptions
     push = True
     counter_names: ClassVar[tuple[str, ...]] = count.COUNTER_NAMES
+    peer = "sim.can_rig"
+    bus_log = True
 
     def __init__(self, options: CanOptions, clock: Callable[[], float]) -> None:
         super().__init__(options, clock)
@@ -63,6 +68,21 @@ class CanDriver(Driver):
         """Every signal of the DBC that carries a quantity; what our node sends is an output."""
         return CanCodec(options).channels()
 
+    @classmethod
+    def connection(cls, options: CanOptions, demand: Demand) -> Connection:
+        """The bus with its load."""
+        return can_connection(options, demand)
+
+    @classmethod
+    def claims(cls, options: CanOptions, outputs: Sequence[str]) -> tuple[str, ...]:
+        """Each message that we send to an actuator, on this interface."""
+        codec = CanCodec(options)
+        sent = {name.partition(".")[0]: None for name in outputs}
+        where = os.path.realpath(options.channel) if options.channel.startswith("/") else options.channel
+        messages = [codec.layout(name).message for name in sent]
+        ids = [f"{m.frame_id:#x}" + " extended" * m.is_extended_frame for m in messages]
+        return tuple(f"{options.interface} {where} id {each}" for each in ids)
+
     def open(
         self, inputs: Sequence[str], outputs: Sequence[str], neutral: Sequence[float] | None = None
     ) -> None:
@@ -73,7 +93,12 @@ class CanDriver(Driver):
         self._samples = [NO_SAMPLE] * len(inputs)
         self._first = inputs[0].partition(".")[0] if inputs else ""
         self._inputs = {name: self._make_input(name, signals) for name, signals in wanted.items()}
-        self._outputs = self._make_outputs(commanded, neutral or [0.0] * len(outputs))
+        neutral = neutral or [0.0] * len(outputs)
+        for name, signals in commanded.items():
+            never = self._codec.never_sent(name, {signal: neutral[at] for signal, at in signals})
+            if never:
+                raise DriverError(never)
+        self._outputs = self._make_outputs(commanded, neutral)
         self._stamps = StampClock(self.clock, trusted=self.options.interface in REALTIME_STAMPS)
         used = [self._codec.layout(name).message for name in (*wanted, *commanded)]
         queue = len(commanded) * (self.options.max_in_flight + 1) + len(self._fixed)
@@ -94,11 +119,11 @@ class CanDriver(Driver):
 
     def _make_input(self, name: str, signals: Sequence[tuple[str, int]]) -> InputFrame:
         layout = self._codec.layout(name)
-        return InputFrame(layout.period, layout.rate_hz, signals, self._samples, self.counters)
+        return InputFrame(layout, list(signals), self._samples, self.counters)
 
     def _make_outputs(self, places: Places, neutral: Sequence[float]) -> CanOutputs:
         o = self.options
-        echo = o.interface in WITH_ECHO if o.echo is None else o.echo
+        echo = echo_of(o)
         commands = [
             CommandFrame(self._codec, name, signals, o.data_bitrate is not None, echo)
             for name, signals in places.items()
@@ -112,6 +137,7 @@ class CanDriver(Driver):
             raise DriverStateError(f"start: the bus is {self._state}; call {first} first")
         self._state = "running"
         self._stamps.drained()
+        self._outputs.begin(self.clock())
         self._fixed.send_start()
         self._judge(self.clock())
 
@@ -164,8 +190,10 @@ class CanDriver(Driver):
     def _use(self, message: can.Message, t: float) -> str:
         try:
             decoded = self._codec.decode(message.arbitration_id, message.is_extended_id, message.data)
-        except WrongLengthError:
+        except WrongLengthError as error:
             self.counters[count.WRONG_LENGTH] += 1
+            if error.message in self._inputs:
+                self._inputs[error.message].refuse(count.WRONG_LENGTH)
             return ""
         except UnknownFrameError:
             self.counters[count.UNKNOWN_FRAMES] += 1
@@ -179,13 +207,22 @@ class CanDriver(Driver):
     def _judge(self, t: float) -> None:
         self._outputs.judge(t)
         self.trouble = self._outputs.trouble
+        self.foreign_commands = self._outputs.foreign
         self.counters[count.CLOCK_STEPS] = self._stamps.steps
+        for frame in self._inputs.values():
+            if frame.untold:
+                self.remarks += frame.remarks(t)
 
     def write(self, t: float, values: Sequence[float]) -> float:
         """One frame for each output message; nan if none left (too many in flight, or trouble)."""
         if self._state != "running":
             raise self._not_running("write")
         return self._sent(self._outputs.write(t, values))
+
+    def untold_delay(self, tick: float) -> float:
+        """By the slower of the loop and the first sensor's frames, where their rate is known."""
+        first = self._codec.layout(self._first).rate_hz if self._first else None
+        return super().untold_delay(max(tick, 1.0 / (first or math.inf)))
 
     def neutral(self, t: float) -> float:
         """As `write`, with one place more in the queue, and instead of anything that waits."""
@@ -197,6 +234,15 @@ class CanDriver(Driver):
         self.trouble = self._outputs.trouble
         self.commands_sent = self._outputs.sent()
         return left
+
+    def why_old(self, place: int) -> str:
+        """Why the newest frames of an input's message were not used; "" if none came."""
+        frames = self._inputs.values()
+        return next((f.why_old() for f in frames if place in [at for _, at in f.signals]), "")
+
+    def tell_foreign(self) -> str:
+        """The newest command of somebody else, for people."""
+        return self._outputs.tell_foreign()
 
     def left(self) -> Sequence[float]:
         """When each output's last command was on the bus [s], once it is confirmed; nan before."""

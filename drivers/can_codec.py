@@ -26,7 +26,15 @@ class UnknownFrameError(CodecError):
 
 
 class WrongLengthError(CodecError):
-    """A frame is not as long as its message."""
+    """A frame is not as long as its message.
+
+    Attributes:
+        message: Name in the DBC.
+    """
+
+    def __init__(self, message: str, why: str) -> None:
+        super().__init__(why)
+        self.message = message
 
 
 class Decoded(NamedTuple):
@@ -102,7 +110,10 @@ class CanCodec:
             content[name] = lowest if value < lowest else highest if value > highest else value
         if layout.counter is not None:
             content[layout.counter] = counter % layout.period
-        data = bytearray(layout.message.encode(content, strict=False))
+        try:
+            data = bytearray(layout.message.encode(content, strict=False))
+        except CantoolsError as error:  # a multiplexer value that the DBC does not know
+            raise CodecError(f"{message} cannot be sent: {error}; outputs.<name>.fixed sets it") from error
         data.extend(bytes(layout.length - len(data)))
         if layout.checksum is not None:
             data[layout.checksum_byte] = layout.checksum_of(data)
@@ -124,7 +135,8 @@ class CanCodec:
         if layout is None:
             raise UnknownFrameError(f"no message of the DBC has the id {frame_id:#x}")
         if len(data) not in layout.lengths:
-            raise WrongLengthError(f"{layout.name} has {layout.message.length} bytes, the frame {len(data)}")
+            expected = f"{layout.name} has {layout.message.length} bytes, the frame {len(data)}"
+            raise WrongLengthError(layout.name, expected)
         try:
             content: Any = layout.message.decode_simple(
                 bytes(data[: layout.message.length]), decode_choices=False
@@ -135,6 +147,38 @@ class CanCodec:
         counter = int(values[layout.counter]) if layout.counter is not None else None
         ok = layout.checksum is None or data[layout.checksum_byte] == layout.checksum_of(data)
         return Decoded(layout.name, values, counter, ok)
+
+    def never_sent(self, message: str, values: Mapping[str, float]) -> str:
+        """Why a frame with these values would not carry all of them (a multiplexer selects others), or ""."""
+        layout = self.layout(message)
+        try:
+            data = self.encode(message, values, 0)
+            carried = self.decode(layout.message.frame_id, layout.message.is_extended_frame, data).values
+        except CodecError as error:
+            return str(error)
+        for name in values:
+            if name not in carried:
+                signal = layout.signals[name]
+                page, known = signal.multiplexer_signal, signal.multiplexer_ids or []
+                wanted = " or ".join(map(str, known))
+                set_it = f"outputs.<name>.fixed: {{{message}.{page}: {known[0]}}}" if known else "the DBC"
+                return f"{message}.{name} is never sent: {page} must be {wanted} for it ({set_it})"
+        return ""
+
+    def tell(self, message: str, data: bytes | bytearray) -> str:
+        """A frame of this message in words, such as `Valve (id 0x201): voltage 5 V`."""
+        layout = self.layout(message)
+        named = f"{message} (id {layout.message.frame_id:#x})"
+        try:
+            values = self.decode(layout.message.frame_id, layout.message.is_extended_frame, data).values
+        except CodecError:
+            return f"{named}: {len(data)} bytes {bytes(data).hex(' ')}"
+        carried = [
+            f"{s.name} {values[s.name]:g} {s.unit or ''}".rstrip()
+            for s in layout.carries()
+            if s.name in values
+        ]
+        return f"{named}: {', '.join(carried)}"
 
     def channels(self) -> tuple[Channel, ...]:
         """Each signal of the DBC that carries a quantity, as `Message.Signal`."""

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.can_codec import CanCodec
+    from drivers.can_interfaces import Echo
+
+GIVEN_UP = 32
+"""Frames that are no longer waited for and may still come back, at most."""
 
 
 class CommandFrame:
@@ -34,7 +38,7 @@ class CommandFrame:
         name: Message in the DBC.
         signals: Signals written, each with its place in the values.
         bit_rate_switch: Send FD frames with the faster data phase.
-        echo: Whether the interface hands frames back; without, nothing is ever in flight.
+        echo: How the interface hands frames back; where it does not, nothing is ever in flight.
     """
 
     def __init__(
@@ -43,7 +47,7 @@ class CommandFrame:
         name: str,
         signals: Sequence[tuple[str, int]],
         bit_rate_switch: bool,
-        echo: bool,
+        echo: Echo,
     ) -> None:
         layout = codec.layout(name)
         dbc = layout.message
@@ -59,6 +63,7 @@ class CommandFrame:
         self.confirmed_at = math.nan
         self.waiting: Sequence[float] | None = None
         self._in_flight: deque[tuple[bytes, float]] = deque()
+        self._given_up: deque[bytes] = deque(maxlen=GIVEN_UP)
         self._codec = codec
         self._name = name
         self._signals = signals
@@ -84,18 +89,35 @@ class CommandFrame:
         """The loaded frame was taken by the interface at `t`."""
         self.sent += 1
         self.waiting = None
-        if self._echo:
+        if self._echo != "none":
             self._in_flight.append((bytes(self.message.data), t))
 
-    def confirm(self, data: bytes | bytearray, t: float) -> bool:
-        """A frame with this identifier was on the bus at `t`; False if it is none of those in flight."""
+    def confirm(self, message: can.Message, t: float) -> bool:
+        """A frame with this identifier was on the bus at `t`; False if somebody else sent it.
+
+        Each of our frames comes back once: one more than those, or one with other data, is not ours, unless
+        the interface vouches for it.
+        """
+        if message.is_rx and self._echo != "plain":
+            return False
+        return self._came_back(message.data, t) or self._echo in ("ours", "none")
+
+    def _came_back(self, data: bytearray, t: float) -> bool:
         for position, (sent, _) in enumerate(self._in_flight):
             if sent == data:
-                for _ in range(position + 1):  # the bus keeps their order: earlier ones have left, too
-                    self._in_flight.popleft()
+                for _ in range(position):  # the bus keeps their order: earlier ones have left, too
+                    self._given_up.append(self._in_flight.popleft()[0])
+                self._in_flight.popleft()
                 self.confirmed_at = t
                 return True
+        if data in self._given_up:
+            self._given_up.remove(bytes(data))
+            return True
         return False
+
+    def tell(self, data: bytes | bytearray) -> str:
+        """What a frame with this identifier says, for people."""
+        return self._codec.tell(self._name, data)
 
     @property
     def in_flight(self) -> int:
@@ -108,5 +130,6 @@ class CommandFrame:
 
     def forget(self) -> None:
         """The interface has dropped what it held, or nothing of it shall follow."""
+        self._given_up.extend(data for data, _ in self._in_flight)
         self._in_flight.clear()
         self.waiting = None

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     ValidationInfo,
     field_validator,
@@ -16,12 +15,11 @@ from pydantic import (
 )
 
 from drivers import can_dbc
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+from drivers.can_message import STRICT, MessageOptions, Positive
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = STRICT
 
 
 def _hexadecimal(text: str) -> str:
@@ -38,6 +36,7 @@ class FrameOptions(_Section):
     """A frame that never changes."""
 
     id: Annotated[int, Field(ge=0, le=0x1FFFFFFF)]
+    """Identifier: up to 0x7ff, or with `extended` up to 0x1fffffff."""
     data: Annotated[str, AfterValidator(_hexadecimal)] = ""
     """Hexadecimal digits: "01 00"."""
     extended: bool = False
@@ -59,23 +58,7 @@ class HeartbeatOptions(FrameOptions):
     """A frame sent again and again."""
 
     period_s: Positive
-
-
-class MessageOptions(_Section):
-    """How a message of the DBC proves that it is new and whole.
-
-    What is left out is taken from the DBC: a signal named `counter` is the sequence counter, and a signal
-    named `checksum` is the checksum if the message's attribute `ChecksumKind` says of which kind. `null`
-    switches either off.
-    """
-
-    counter: str | None = None
-    """Signal that counts up by one with each frame and wraps."""
-    checksum: str | None = None
-    """Signal of one whole byte, over all other bytes of the message."""
-    checksum_kind: Literal["xor8", "sum8", "crc8_j1850"] | None = None
-    rate_hz: Positive | None = None
-    """How often the message should come; frames later than one and a half periods are counted."""
+    """Time from one to the next [s]."""
 
 
 class CanOptions(_Section):
@@ -89,6 +72,7 @@ class CanOptions(_Section):
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
     """[bit/s] For SocketCAN the system sets it (`ip link`); here it serves the bus load."""
     fd: bool = False
+    """Whether the bus carries FD frames."""
     data_bitrate: Annotated[int, Field(gt=0)] | None = None
     """[bit/s] Of the data phase of FD frames; none: they go without a bit-rate switch."""
     dbc: str
@@ -98,15 +82,17 @@ class CanOptions(_Section):
     bus_options: dict[str, Any] = {}
     """Further arguments of `can.Bus`."""
     messages: dict[str, MessageOptions] = {}
+    """Messages of the DBC by name, with what the DBC does not say of them."""
     start_frames: list[FrameOptions] = []
     """Sent once at start and whenever the bus returns, such as CANopen's NMT start."""
     tick_frames: list[FrameOptions] = []
     """Sent at the start of each tick, such as CANopen's SYNC."""
     heartbeat: list[HeartbeatOptions] = []
+    """Frames sent again and again, such as CANopen's heartbeat."""
     max_in_flight: Annotated[int, Field(ge=1, le=100)] = 3
     """Command frames per message that may wait for the bus; newer commands then replace each other."""
     confirm_timeout_s: Positive = 0.1
-    """A command that has not been on the bus after this long is trouble."""
+    """A command that has not been on the bus after this long [s] is trouble."""
     echo: bool | None = None
     """Whether the interface hands back our own frames once they are sent; none: by what is known of it."""
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 COUNTER_NAMES = (
     "frames_received",  # sensor frames that were used
     "frames_sent",  # frames that the interface took
-    "lost",  # gaps in sequence counters; a reordered frame was first counted here
-    "repeated",
+    "lost",  # gaps in sequence counters, once they are too old to be reordered frames
+    "repeated",  # the counter of a frame that was used already
     "reordered",
+    "garbage",  # a counter that jumps, and no frame goes on from there
+    "counter_restarts",  # a counter that begins elsewhere, and goes on from there
     "late",  # more than one and a half nominal periods after the one before
     "checksum_errors",
     "wrong_length",
@@ -36,6 +38,8 @@ COUNTER_NAMES = (
     LOST,
     REPEATED,
     REORDERED,
+    GARBAGE,
+    COUNTER_RESTARTS,
     LATE,
     CHECKSUM_ERRORS,
     WRONG_LENGTH,

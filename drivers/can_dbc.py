@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from cantools.database.can import Message, Signal
 
-    from drivers.can_config import MessageOptions
+    from drivers.can_message import MessageOptions
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Lengths [bytes] that a frame can have; classic frames up to 8."""

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import errno
 import math
-import select
 import socket
+from copy import copy
 from typing import TYPE_CHECKING
 
 import can
-from can.interfaces.socketcan.socketcan import build_can_frame, capture_message
+from can.interfaces.socketcan.socketcan import build_can_frame
 
 from drivers import can_counters as count
+from drivers import can_socket
 from drivers.base import DriverError
 from drivers.can_errors import bus_event
+from drivers.can_interfaces import asks_for_echo
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +39,7 @@ class CanLink:
         down: Why nothing can be sent or received ("" while it can).
         bus_off: Why the controller has left the bus ("" while it takes part).
         failures: How often either began.
+        here: The frame that came last is of this computer; False also where that is unknown.
 
     Args:
         options: Of the driver.
@@ -47,6 +50,7 @@ class CanLink:
         self.down = ""
         self.bus_off = ""
         self.failures = 0
+        self.here = False
         self._options = options
         self._counts = counts
         self._bus: can.BusABC | None = None
@@ -90,8 +94,9 @@ class CanLink:
             "channel": o.channel,
             "bitrate": o.bitrate,
             "fd": o.fd,
-            "receive_own_messages": True,
         }
+        if asks_for_echo(o):
+            wanted["receive_own_messages"] = True
         if o.interface == "socketcan":
             socket.if_nametoindex(o.channel)  # python-can leaves a socket open if this fails later
         if o.data_bitrate is not None:
@@ -110,13 +115,19 @@ class CanLink:
         if self._bus is None:
             return None
         try:
-            return self._bus.recv(timeout) if self._raw is None else _receive(self._raw, timeout)
+            if self._raw is None:
+                return self._bus.recv(timeout)
+            frame = can_socket.receive(self._raw, timeout)
         except (can.CanError, OSError, ValueError) as error:
             if _code(error) == errno.EAGAIN:
                 return None
             self._counts[count.RECEIVE_ERRORS] += 1
             self._fail(error)
             return None
+        if frame is None:
+            return None
+        self.here = frame.here
+        return frame.message
 
     @property
     def is_open(self) -> bool:
@@ -129,7 +140,7 @@ class CanLink:
             return False
         try:
             if self._raw is None:
-                self._bus.send(message)
+                self._bus.send(_copy(message))
             else:
                 self._raw.send(build_can_frame(message))
         except (can.CanError, OSError, ValueError) as error:
@@ -204,11 +215,11 @@ class CanLink:
             self._bus = self._raw = None
 
 
-def _receive(raw: socket.socket, timeout: float) -> can.Message | None:
-    """As `Bus.recv` of SocketCAN, with a third of its system calls, and deaf to steps of the wall clock."""
-    if timeout > 0.0 and not select.select([raw], [], [], timeout)[0]:
-        return None
-    return capture_message(raw)
+def _copy(message: can.Message) -> can.Message:
+    """The message for an interface to do with as it likes: that of gs_usb pads the data in place."""
+    mine = copy(message)
+    mine.data = bytearray(message.data)
+    return mine
 
 
 def _code(error: Exception) -> int | None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 PROBE_S = 0.01
 """Time between attempts to send neutral over an interface that is down."""
+TAKEOVER_S = 1.0
+"""For so long after the start, neutral that is not ours is the supervisor's, who held the rig before us."""
 
 
 class CanOutputs:
@@ -27,6 +29,7 @@ class CanOutputs:
     Attributes:
         trouble: Why commands cannot leave ("" while they can).
         blocked: Nothing but neutral may leave until one neutral frame has.
+        foreign: Command frames that somebody else sent.
 
     Args:
         options: Of the driver.
@@ -50,6 +53,9 @@ class CanOutputs:
     ) -> None:
         self.trouble = ""
         self.blocked = False
+        self.foreign = 0
+        self._newest_foreign: tuple[CommandFrame, bytes, bool] | None = None
+        self._takeover: tuple[float, frozenset[bytes]] = (-math.inf, frozenset())
         self._room = options.max_in_flight
         self._timeout = options.confirm_timeout_s
         self._link = link
@@ -136,9 +142,28 @@ class CanOutputs:
         command = self._by_id.get((message.arbitration_id, message.is_extended_id))
         if command is None:
             return False
-        if not command.confirm(message.data, t) and message.is_rx:
-            self._counts[count.FOREIGN_COMMANDS] += 1
+        if not command.confirm(message, t) and not self._is_takeover(message.data, t):
+            self.foreign += 1
+            self._counts[count.FOREIGN_COMMANDS] = self.foreign
+            self._newest_foreign = command, bytes(message.data), self._link.here
         return True
+
+    def begin(self, t: float) -> None:
+        """Commands leave from `t` [s] on; until now somebody may have held the rig at neutral for us."""
+        neutral = (bytes.fromhex(frame["data"]) for frames in self.neutral_cycle() for frame in frames)
+        self._takeover = t + TAKEOVER_S, frozenset(neutral)
+
+    def _is_takeover(self, data: bytearray, t: float) -> bool:
+        until, neutral = self._takeover
+        return t < until and bytes(data) in neutral
+
+    def tell_foreign(self) -> str:
+        """The newest command of somebody else, for people; "" if there was none."""
+        if self._newest_foreign is None:
+            return ""
+        command, data, here = self._newest_foreign
+        who = "another program on this computer" if here else "another node, or another program,"
+        return f"{who} sends our command {command.tell(data)}"
 
     def send_waiting(self) -> None:
         """Send what was remembered, as far as there is room now."""

@@ -51,7 +51,7 @@ class StampClock:
 
         The clocks are looked at only for a stamp later than the last look: mostly once a tick.
         """
-        if not self._trusted or stamp <= 0.0:
+        if not self._trusted or not stamp > 0.0:
             return self._monotonic()
         earliest = self._drained_at - SLACK_S
         t = stamp - self._offset

@@ -15,6 +15,8 @@ import math
 from collections import deque
 from itertools import pairwise
 
+from drivers.stamp_jitter import Jitter
+
 WRAP = 1 << 32
 STRETCH_S = 0.25
 """Each keeps its tightest bound."""
@@ -22,8 +24,10 @@ FITTED, KEPT = 4, 120
 """Stretches that a drift needs, and that are remembered."""
 LARGEST_DRIFT = 0.02
 """A quartz keeps 1e-4, a ceramic resonator 5e-3: more is a fault of the line."""
-AHEAD_S, BEHIND_S = 0.1, 10.0
-"""A sample that comes from so far in the future, or past, tells of a clock that was set anew."""
+STEP_S = 0.01
+"""A clock that goes back by more, or ahead of the arrivals by more, was set anew: no timer is as wrong."""
+OLDEST_S = 10.0
+"""No sample is taken for older: a bound that says so is of another clock."""
 
 
 class Bound:
@@ -41,7 +45,8 @@ class Bound:
         self._best = (0.0, math.inf)
 
     def add(self, x: float, y: float) -> None:
-        """One more point."""
+        """One more point; one from before its stretch counts as at the stretch's beginning."""
+        x = max(x, self._begun)
         if x - self._begun >= STRETCH_S:
             self._close()
             self._begun, self._best = x, (x, math.inf)
@@ -89,6 +94,7 @@ class DeviceClock:
 
     Attributes:
         resets: How often the board's clock was set anew.
+        jitter: Of its stamps.
     """
 
     def __init__(self) -> None:
@@ -97,31 +103,50 @@ class DeviceClock:
 
     def restart(self) -> None:
         """The board begins anew: nothing is known of its clock."""
-        self._latest = -1
-        self._wraps = 0
-        self._first = 0
+        self.jitter = Jitter()
+        self._latest: int | None = None
+        self._now = self._put_right = 0.0
+        self._arrived = -math.inf
         self._above, self._below = Bound(), Bound()
 
     def heard(self, time_us: int, arrived: float) -> float:
         """The time of a sample.
 
         Args:
-            time_us: The board's clock at sampling [us], 0 to 2**32 - 1; not before that of the call before.
-            arrived: When it can have arrived at the earliest [s]: reading less its time on the line.
+            time_us: The board's clock at sampling [us], 0 to 2**32 - 1.
+            arrived: When it can have arrived at the earliest [s]: reading less its time on the line; not
+                before that of the call before.
 
         Returns:
-            When it was taken [s], not after it arrived.
+            When it was taken [s]: not after it arrived, and at most `OLDEST_S` before.
         """
-        x = self._seconds(time_us)
-        apparent = arrived - x
-        if abs(apparent) < math.inf and not -AHEAD_S < apparent - self._above.at(x) < BEHIND_S:
-            if self._above.at(x) < math.inf:
-                self.resets += 1
+        passed = 0.0 if self._latest is None else _passed_s(self._latest, time_us)
+        if self._was_set(passed, arrived):
+            self.resets += 1
             self.restart()
-            x = self._seconds(time_us)
-            apparent = arrived - x
-        self._above.add(x, apparent)
-        return min(x + self._difference(x), arrived)
+            passed = 0.0
+        self._latest, self._arrived = time_us, arrived
+        self._now = x = self._now + passed
+        jitter = self.jitter
+        jitter.add(x, arrived - x, self._above.drift)
+        if jitter.share:
+            x += jitter.correction(x, arrived - x)
+        self._put_right = x
+        self._above.add(x, arrived - x)
+        return min(max(x + self._difference(x), arrived - OLDEST_S), arrived)
+
+    def _was_set(self, passed: float, arrived: float) -> bool:
+        """Whether the board's clock was set anew since the last sample, `passed` seconds ago by itself.
+
+        What was lost while the reader slept makes it go ahead, but no sample come before all that were heard.
+        """
+        if self._latest is None:
+            return False
+        x = self._now + passed
+        early = self._above.at(x) - (arrived - x)
+        if -OLDEST_S <= early <= STEP_S:
+            return passed < -STEP_S
+        return early < 0.0 or passed - (arrived - self._arrived) > STEP_S or passed < -STEP_S
 
     def acknowledged(self, time_us: int, written: float) -> float:
         """A command was set at a time of the board's clock, shortly before the last sample heard.
@@ -131,29 +156,26 @@ class DeviceClock:
             written: When the line can have carried it at the earliest [s].
 
         Returns:
-            When it was set [s].
+            When it was set [s]: not before it was written, and not after that sample arrived.
         """
-        behind = (self._latest - time_us) % WRAP
-        x = self._now - behind * 1e-6
+        behind = 0 if self._latest is None else (self._latest - time_us) % WRAP
+        x = self._put_right - behind * 1e-6
         self._below.add(x, x - written)
-        return max(x + self._difference(x), written)
-
-    def _seconds(self, time_us: int) -> float:
-        """The board's time since it was first heard, without wraps [s]."""
-        if self._latest < 0:
-            self._first = time_us
-        elif time_us < self._latest and self._latest - time_us > WRAP // 2:
-            self._wraps += 1
-        self._latest = time_us
-        self._now = (self._wraps * WRAP + time_us - self._first) * 1e-6
-        return self._now
+        return max(min(x + self._difference(x), self._arrived), written)
 
     def _difference(self, x: float) -> float:
         """Loop's time less board's time at the board's time `x` [s]."""
         above, below = self._above.at(x), -self._below.at(x)
-        return 0.5 * (above + below) if -math.inf < below < above else above
+        bound = 0.5 * (above + below) if -math.inf < below < above else above
+        share = self.jitter.share
+        return bound + share * (self.jitter.level(x) - bound) if share else bound
 
     @property
     def drift(self) -> float:
         """By which the loop's clock is faster than the board's [s/s]."""
         return self._above.drift
+
+
+def _passed_s(before_us: int, after_us: int) -> float:
+    """From one time of a clock that wraps to another, back or ahead, whichever is less [s]."""
+    return ((after_us - before_us + WRAP // 2) % WRAP - WRAP // 2) * 1e-6

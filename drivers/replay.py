@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 class ReplayOptions(BaseModel):
     """The rig file's `driver:` section for kind `replay`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     kind: Literal["replay"]
     file: str
@@ -53,6 +54,15 @@ def _begin(options: ReplayOptions) -> Beginning:
         raise DriverError(f"driver.file: {error}") from error
 
 
+@contextmanager
+def _rig_of(options: ReplayOptions) -> Iterator[None]:
+    """Around what looks into the rig file of the recording, which may be damaged."""
+    try:
+        yield
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DriverError(f"driver.file: {options.file}: the rig file in it is damaged: {error!r}") from error
+
+
 def _fields(rig: dict[str, Any], axes: Sequence[str]) -> dict[str, tuple[int, str]]:
     """Input channel -> number of the axis and field of its rows that hold it."""
     found: dict[str, tuple[int, str]] = {}
@@ -69,6 +79,7 @@ class ReplayDriver(Driver):
 
     Options = ReplayOptions
     push = True
+    acts_on = "recording"
     counter_names: ClassVar[tuple[str, ...]] = ("rows", "commands_unheard")
 
     def __init__(self, options: ReplayOptions, clock: Callable[[], float]) -> None:
@@ -85,8 +96,9 @@ class ReplayDriver(Driver):
     def channels(cls, options: ReplayOptions) -> tuple[Channel, ...]:
         """Channels of the recorded rig file; an e-stop line and marks of an encoder were not recorded."""
         begun = _begin(options)
-        outputs = {begun.rig["outputs"][axis["output"]]["channel"] for axis in begun.rig["axes"].values()}
-        sensors = {sensor["channel"] for sensor in begun.rig["sensors"].values()}
+        with _rig_of(options):
+            outputs = {begun.rig["outputs"][axis["output"]]["channel"] for axis in begun.rig["axes"].values()}
+            sensors = {sensor["channel"] for sensor in begun.rig["sensors"].values()}
         return (
             *(Channel(name, "input") for name in sorted(sensors)),
             *(Channel(name, "output", "V") for name in sorted(outputs)),
@@ -109,7 +121,8 @@ class ReplayDriver(Driver):
                 raise DriverError(
                     f"no {direction} channel {name!r} in {self.options.file}; there are {there}"
                 )
-        held = _fields(begun.rig, begun.axes)
+        with _rig_of(self.options):
+            held = _fields(begun.rig, begun.axes)
         self.axes = begun.axes
         self._fields = [held.get(name, (0, "")) for name in inputs]
         self._samples = [NO_SAMPLE] * len(inputs)

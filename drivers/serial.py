@@ -7,10 +7,11 @@ stamps say when. All bytes that came are read at once, never waiting.
 from __future__ import annotations
 
 import math
+import os
 import time
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from drivers.base import Channel, Driver, DriverError, DriverStateError, Sample
+from drivers.base import Channel, Driver, DriverError, DriverStateError, Sample, StampError
 from drivers.serial_codec import make_codec
 from drivers.serial_config import SerialOptions
 from drivers.serial_counters import COUNTER_NAMES
@@ -18,13 +19,17 @@ from drivers.serial_frame import Hello
 from drivers.serial_handshake import Handshake
 from drivers.serial_inputs import SerialInputs
 from drivers.serial_link import SerialLink
+from drivers.serial_load import serial_connection
 from drivers.serial_outputs import SerialOutputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from drivers.connection import Connection, Demand
     from drivers.serial_config import FieldOptions
 
+TOLD_AGAIN_S = 30.0
+"""What is odd about a board's samples is told again after this: who connects later has not heard it."""
 NEUTRAL_SEQUENCES = (0x00, 0x40, 0x80, 0xC0)
 """Of the neutral commands that another process sends: the board ignores one at most, as a repeat."""
 
@@ -35,6 +40,7 @@ class SerialDriver(Driver):
     Options = SerialOptions
     push = True
     counter_names: ClassVar[tuple[str, ...]] = COUNTER_NAMES
+    peer = "sim.serial_rig"
 
     def __init__(self, options: SerialOptions, clock: Callable[[], float]) -> None:
         super().__init__(options, clock)
@@ -43,6 +49,7 @@ class SerialDriver(Driver):
         self._handshake = Handshake(options, self.counters)
         self._state: Literal["closed", "open", "running"] = "closed"
         self._inputs, self._outputs = self._make((), (), ())
+        self._tell_at = -math.inf
 
     @classmethod
     def channels(cls, options: SerialOptions) -> tuple[Channel, ...]:
@@ -51,6 +58,16 @@ class SerialDriver(Driver):
             *(_channel(field, "input") for field in options.inputs),
             *(_channel(field, "output") for field in options.outputs),
         )
+
+    @classmethod
+    def connection(cls, options: SerialOptions, demand: Demand) -> Connection:
+        """The line with its load."""
+        return serial_connection(options, demand)
+
+    @classmethod
+    def claims(cls, options: SerialOptions, outputs: Sequence[str]) -> tuple[str, ...]:  # noqa: ARG003 - the whole port
+        """The port, by whatever name; pyserial's own lock on it ends with the loop."""
+        return (f"serial port {os.path.realpath(options.port)}",)
 
     def open(
         self, inputs: Sequence[str], outputs: Sequence[str], neutral: Sequence[float] | None = None
@@ -99,7 +116,7 @@ class SerialDriver(Driver):
         self._handshake.begin(self.clock())
         while self._handshake.state == "asking":
             now = self.clock()
-            self._raise_from(self._handshake.trouble(now) or self._link.down)
+            self._raise_from(self._handshake.trouble(now, self._codec.complaint) or self._link.down)
             self._shake(now)
             if self._link.is_open and self._link.wait(0.01):
                 self._drain()
@@ -156,6 +173,7 @@ class SerialDriver(Driver):
     def _drain(self) -> None:
         data = self._link.read()
         now = self.clock()
+        self._handshake.heard(data)
         for message in self._codec.feed(data):
             if isinstance(message, Hello):
                 self._handshake.greeted(message)
@@ -165,12 +183,28 @@ class SerialDriver(Driver):
 
     def _judge(self, t: float) -> None:
         self._outputs.judge(t)
-        self.trouble = self._link.down or self._handshake.trouble(t) or self._outputs.trouble
+        silent = self._handshake.trouble(t, self._codec.complaint)
+        self.trouble = self._link.down or silent or self._outputs.trouble
+        self._tell(t)
+
+    def _tell(self, t: float) -> None:
+        """What is odd about the samples, now and then while it lasts, and that it is over."""
+        notice = self._inputs.notice
+        if notice and t >= self._tell_at:
+            self._tell_at = t + TOLD_AGAIN_S
+            self.remarks.append(("line", notice))
+        elif not notice and self._tell_at > -math.inf:
+            self._tell_at = -math.inf
+            self.remarks.append(("line", "the board's samples are in order again"))
 
     def write(self, t: float, values: Sequence[float]) -> float:
         """One command; nan if it could not leave (too many unacknowledged, or trouble)."""
         self._must_run("write")
         return self._sent(self._outputs.write, t, values)
+
+    def untold_delay(self, tick: float) -> float:
+        """By the slower of loop and board."""
+        return super().untold_delay(max(tick, 1.0 / self.options.rate_hz))
 
     def neutral(self, t: float) -> float:
         """As `write`, instead of anything that has not left yet."""
@@ -188,6 +222,10 @@ class SerialDriver(Driver):
     def left(self) -> Sequence[float]:
         """When the board set its outputs by the last command [s]: see `SerialOutputs.left`."""
         return self._outputs.left()
+
+    def stamp_error(self) -> StampError:
+        """From the scatter of the board's times against their arrival: see `drivers.stamp_jitter`."""
+        return self._inputs.stamp_error()
 
     def close(self) -> None:
         """Have the board go to neutral and be silent, and give the port back."""

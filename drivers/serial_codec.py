@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Protocol
 
 from drivers import serial_ascii as ascii_form
@@ -10,7 +11,7 @@ from drivers import serial_frame as binary_form
 from drivers.serial_frame import Block, BoardSample, CrcError, FrameError, Hello, Splitter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from drivers.serial_config import FieldOptions, SerialOptions
 
@@ -22,6 +23,8 @@ class Codec(Protocol):
     start: bytes
     break_: bytes
     """Ends whatever was on the line before."""
+    complaint: str
+    """Why the newest broken frame or line was that ("" while none was)."""
 
     def feed(self, data: bytes) -> list[BoardSample | Hello]:
         """What is whole now; the rest is counted."""
@@ -49,22 +52,33 @@ def make_codec(options: SerialOptions, counts: list[int]) -> Codec:
     return BinaryCodec(options, counts) if options.format == "binary" else AsciiCodec(options, counts)
 
 
-def _usable(
-    parts: Sequence[bytes], read: Callable[[bytes], BoardSample | Hello | None], counts: list[int]
-) -> list[BoardSample | Hello]:
-    """What is in these parts of the stream; those that are broken are counted."""
-    found = []
-    for part in parts:
-        try:
-            message = read(part)
-        except CrcError:
-            counts[count.CRC_ERRORS] += 1
-        except FrameError:
-            counts[count.BAD_FRAMES] += 1
-        else:
-            if message is not None:
-                found.append(message)
-    return found
+class _Reader(ABC):
+    """Reads what is whole; what is broken is counted, and the newest complaint kept."""
+
+    def __init__(self, counts: list[int]) -> None:
+        self.complaint = ""
+        self._counts = counts
+
+    @abstractmethod
+    def _read(self, part: bytes) -> BoardSample | Hello | None:
+        """The message in a part of the stream; None for what means nothing.
+
+        Raises:
+            FrameError: It cannot be used.
+        """
+
+    def _usable(self, parts: Sequence[bytes]) -> list[BoardSample | Hello]:
+        found = []
+        for part in parts:
+            try:
+                message = self._read(part)
+            except FrameError as error:
+                self._counts[count.CRC_ERRORS if isinstance(error, CrcError) else count.BAD_FRAMES] += 1
+                self.complaint = str(error)
+            else:
+                if message is not None:
+                    found.append(message)
+        return found
 
 
 def codes(block: Sequence[FieldOptions]) -> str:
@@ -81,7 +95,7 @@ def numbers_of(block: Sequence[FieldOptions], values: Sequence[float]) -> list[f
     return numbers
 
 
-class BinaryCodec:
+class BinaryCodec(_Reader):
     """Frames of COBS."""
 
     ask = binary_form.ask()
@@ -89,8 +103,8 @@ class BinaryCodec:
     break_ = binary_form.END
 
     def __init__(self, options: SerialOptions, counts: list[int]) -> None:
+        super().__init__(counts)
         self._options = options
-        self._counts = counts
         self._inputs, self._outputs = Block(codes(options.inputs)), Block(codes(options.outputs))
         self._splitter = Splitter(binary_form.END, binary_form.LARGEST + 1)
 
@@ -98,10 +112,10 @@ class BinaryCodec:
         """What is whole now; the rest is counted."""
         frames = [encoded for encoded in self._splitter.feed(data) if encoded]
         self._counts[count.GARBAGE_BYTES] = self._splitter.thrown
-        return _usable(frames, self._read, self._counts)
+        return self._usable(frames)
 
-    def _read(self, encoded: bytes) -> BoardSample | Hello | None:
-        frame = binary_form.decode(encoded)
+    def _read(self, part: bytes) -> BoardSample | Hello | None:
+        frame = binary_form.decode(part)
         if frame.type == binary_form.SAMPLE:
             return binary_form.read_sample(self._inputs, frame)
         if frame.type == binary_form.HELLO:
@@ -110,6 +124,7 @@ class BinaryCodec:
 
     def clear(self) -> None:
         """The line was lost: forget what has come of a frame."""
+        self.complaint = ""
         self._splitter.clear()
 
     def command(self, sequence: int, values: Sequence[float]) -> bytes:
@@ -129,7 +144,7 @@ FRAME_BYTES = 8
 """Of a frame besides its body: type, sequence, CRC, one of COBS, the end."""
 
 
-class AsciiCodec:
+class AsciiCodec(_Reader):
     """Lines of text."""
 
     ask = ascii_form.ASK
@@ -137,8 +152,8 @@ class AsciiCodec:
     break_ = ascii_form.END
 
     def __init__(self, options: SerialOptions, counts: list[int]) -> None:
+        super().__init__(counts)
         self._options = options
-        self._counts = counts
         self._line = ascii_form.Line(options.line, [each.name for each in options.inputs], options.checksum)
         self._splitter = Splitter(ascii_form.END, ascii_form.LONGEST)
         self._first = True
@@ -150,17 +165,18 @@ class AsciiCodec:
         if lines and self._first:
             self._first = False
             del lines[0]
-        return _usable(lines, self._read, self._counts)
+        return self._usable(lines)
 
-    def _read(self, line: bytes) -> BoardSample | Hello | None:
-        version = ascii_form.board_version(line)
+    def _read(self, part: bytes) -> BoardSample | Hello | None:
+        version = ascii_form.board_version(part)
         if version is not None:
             o = self._options
             return Hello(version, o.layout, o.rate_hz, o.watchdog_s, "")
-        return self._line.read(line)
+        return self._line.read(part)
 
     def clear(self) -> None:
         """The line was lost: forget what has come of a line."""
+        self.complaint = ""
         self._splitter.clear()
         self._first = True
 

@@ -22,20 +22,22 @@ OWN_FIELDS = ("time", "sequence", "status", "ack", "age")
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
 
 class FieldOptions(_Section):
     """One quantity of a block: value = number on the line times `scale`, plus `offset`."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,31}$")]
+    """Name of the channel."""
     type: Literal["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32"] = "float32"
     """On a binary line; in the ASCII form numbers are as they are written."""
     scale: Finite = 1.0
-    """Units a count."""
+    """What one count is [`unit`]."""
     offset: Finite = 0.0
-    """[unit]"""
+    """Value at count 0 [`unit`]."""
     unit: str = ""
+    """Unit of the channel; none: a bare number."""
 
     @property
     def code(self) -> str:
@@ -78,8 +80,9 @@ class SerialOptions(_Section):
     usb: bool = False
     """The line is USB-CDC: its bit rate limits nothing, and `seod check` leaves the load out."""
     format: Literal["binary", "ascii"] = "binary"
+    """Form of the line: frames with a CRC, or lines of text (`docs/serial.md`)."""
     rate_hz: Positive = 2000.0
-    """Samples per second that the board pushes."""
+    """Samples that the board pushes [Hz]."""
     inputs: Annotated[list[FieldOptions], Field(min_length=1)]
     """The block of each sample, in its order."""
     outputs: Annotated[list[FieldOptions], Field(min_length=1)]
@@ -89,13 +92,13 @@ class SerialOptions(_Section):
     checksum: bool = False
     """ASCII: refuse lines without `*hh`."""
     watchdog_s: Positive = 0.05
-    """The longest a board may wait for a command before it goes to neutral; a slower one is refused."""
+    """The longest [s] a board may wait for a command before it goes to neutral; a slower one is refused."""
     handshake_s: Positive = 3.0
-    """How long the board may take to answer (some restart when the port is opened)."""
+    """How long the board may take to answer [s] (some restart when the port is opened)."""
     max_in_flight: Annotated[int, Field(ge=1, le=100)] = 16
     """Commands that may wait for the board's acknowledgement; newer ones then replace each other."""
     confirm_timeout_s: Positive = 0.1
-    """A command that was not acknowledged after this long is trouble."""
+    """A command that was not acknowledged after this long [s] is trouble."""
 
     @property
     def layout(self) -> str:
@@ -106,6 +109,10 @@ class SerialOptions(_Section):
     def line(self) -> tuple[str, ...]:
         """Fields of an ASCII line, in order."""
         return tuple(self.fields) or ("time", "sequence", *(each.name for each in self.inputs))
+
+    def has(self, *own: str) -> bool:
+        """Whether the board tells all these of `OWN_FIELDS`."""
+        return self.format == "binary" or set(own) <= set(self.line)
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> SerialOptions:

@@ -154,16 +154,17 @@ def read_hello(body: bytes) -> Hello:
     """The body of a HELLO.
 
     Raises:
-        FrameError: It is too short or holds no text.
+        FrameError: It is too short or its layout no text.
     """
     if len(body) < _HELLO.size:
         raise FrameError(f"a HELLO of {len(body)} bytes")
     version, _, rate_mhz, watchdog_ms = _HELLO.unpack_from(body)
     layout, _, name = body[_HELLO.size :].partition(END)
     try:
-        return Hello(version, layout.decode("ascii"), rate_mhz / 1e3, watchdog_ms / 1e3, name.decode())
+        text = layout.decode("ascii")
     except UnicodeDecodeError as error:
-        raise FrameError("a HELLO that is no text") from error
+        raise FrameError(f"a HELLO whose layout {layout[:20]!r} is no text") from error
+    return Hello(version, text, rate_mhz / 1e3, watchdog_ms / 1e3, name.decode(errors="replace"))
 
 
 def ask() -> bytes:

@@ -17,6 +17,9 @@ AGAIN_S = 0.1
 SILENT_S, SILENT_PERIODS = 0.25, 20.0
 """A board that has not sampled for the longer of these has stopped."""
 
+SHOWN_BYTES = 24
+"""Of what a stranger sent, in the message."""
+
 State = Literal["asking", "starting", "sampling", "refused"]
 
 
@@ -40,6 +43,7 @@ class Handshake:
         self._silent = max(SILENT_S, SILENT_PERIODS / options.rate_hz)
         self._next = self._heard = -math.inf
         self._begun = math.inf
+        self._strange, self._first = 0, b""
 
     def begin(self, t: float) -> None:
         """From the start, at time `t` [s]: the line is new, or the board has stopped."""
@@ -47,6 +51,7 @@ class Handshake:
         self.refusal = ""
         self._begun = t
         self._next = self._heard = -math.inf
+        self._strange, self._first = 0, b""
 
     def due(self, t: float) -> Literal["", "ask", "start"]:
         """What should be sent now, at time `t` [s]."""
@@ -56,6 +61,12 @@ class Handshake:
             return ""
         self._next = t + AGAIN_S
         return "ask" if self.state == "asking" else "start"
+
+    def heard(self, data: bytes) -> None:
+        """Bytes came: of the board, or of whoever is on the line while no board has answered."""
+        if self.state != "sampling":
+            self._strange += len(data)
+            self._first = (self._first + data)[:SHOWN_BYTES]
 
     def greeted(self, hello: Hello) -> None:
         """A HELLO came."""
@@ -88,11 +99,26 @@ class Handshake:
         self.state, self._heard = "sampling", t
         return True
 
-    def trouble(self, t: float) -> str:
-        """Why there are no samples ("" while there are, or may be soon)."""
+    def trouble(self, t: float, complaint: str) -> str:
+        """Why there are no samples ("" while there are, or may be soon).
+
+        Args:
+            t: The time [s].
+            complaint: What was wrong with the newest that came.
+        """
         if self.state == "refused":
             return self.refusal
         if self.state != "sampling" and t - self._begun > self._options.handshake_s:
-            what = "does not answer" if self.state == "asking" else "sends no samples"
-            return f"the board on {self._options.port} {what} for {self._options.handshake_s:g} s"
+            return self._missing(complaint)
         return ""
+
+    def _missing(self, complaint: str) -> str:
+        o = self._options
+        what = "HELLO" if self.state == "asking" else "sample"
+        begun = f"the board on {o.port} sent no {what} for {o.handshake_s:g} s"
+        if not self._strange:
+            return f"{begun}, nor anything else: is it switched on, and is driver.port its port?"
+        sent = f"{self._strange} other bytes, at first {self._first!r}"
+        wrong = f", the last of them {complaint}" if complaint else ""
+        other = "ascii" if o.format == "binary" else "binary"
+        return f"{begun}, but {sent}{wrong}: is driver.format {other}, or driver.baud not {o.baud}?"

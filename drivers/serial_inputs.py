@@ -6,9 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers import serial_counters as count
-from drivers.base import NO_SAMPLE, Sample
+from drivers.base import NO_SAMPLE, Sample, StampError
 from drivers.device_clock import DeviceClock
 from drivers.serial_frame import BROKEN, DROPPED, OVERRUN
+from drivers.stamp_jitter import Jitter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,12 @@ if TYPE_CHECKING:
     from drivers.serial_frame import BoardSample
 
 LATE_PERIODS = 1.5
+RATE_S, RATE_OFF = 2.0, 1.25
+"""Over this time samples are counted; a rate that differs by this factor is told."""
+JITTER_TOLD_S = 2e-4
+"""A clock that jitters by more is told: it costs more than the latency of a line (chosen)."""
+UNTOLD_LATENCY_S = 5e-4
+"""To this the latency is known (standard deviation) where no command's time is told: USB looks each ms."""
 
 
 class SerialInputs:
@@ -25,6 +32,7 @@ class SerialInputs:
     Attributes:
         samples: The newest of each wanted input.
         taken: Samples used so far.
+        notice: What is odd about their rate or times ("" where nothing is).
         clock: The board's.
 
     Args:
@@ -42,6 +50,7 @@ class SerialInputs:
         self._scales = [(place, field.scale, field.offset) for place, field in self._wanted]
         self.samples: list[Sample] = [NO_SAMPLE] * len(names)
         self.taken = 0
+        self.notice = ""
         self.clock = DeviceClock()
         self._line_s = line_s
         self._counts = counts
@@ -49,10 +58,17 @@ class SerialInputs:
         self._sequence: int | None = None
         self._t = -math.inf
         self._looked = -math.inf
+        self._period_s = 1.0 / options.rate_hz
+        self._timed, self._told = options.has("time"), options.has("time", "ack", "age")
+        self._rate_hz = options.rate_hz
+        self._counted: tuple[float, int] | None = None
+        self._arrivals = Jitter()
 
     def restart(self) -> None:
         """The line is new, or the board: nothing is known of its clock and sequence."""
         self.clock.restart()
+        self._arrivals = Jitter()
+        self._counted = None
         self._sequence = None
         self._looked = -math.inf
 
@@ -61,7 +77,7 @@ class SerialInputs:
         if not self._is_new(s.sequence):
             return False
         arrived = now - self._line_s
-        t = arrived if s.time_us is None else self.clock.heard(s.time_us, arrived)
+        t = self._arrived(arrived) if s.time_us is None else self.clock.heard(s.time_us, arrived)
         self._counts[count.LATE] += t < self._looked - self._late_s
         self._t = t = max(t, math.nextafter(self._t, math.inf))
         for place, (at, scale, offset) in enumerate(self._scales):
@@ -70,9 +86,49 @@ class SerialInputs:
         self._count(s.status)
         return True
 
+    def _arrived(self, t: float) -> float:
+        """A sample without a time, as if its number were one."""
+        x = self.taken * self._period_s
+        self._arrivals.add(x, t - x, 0.0)
+        return t
+
+    def stamp_error(self) -> StampError:
+        """How far the samples' times may be off: what a clock is wrong by in all counts for commands, too.
+
+        Stamps that were put right by their arrivals follow the reader's own rhythm: that is no white noise,
+        and the part that was taken away is not told as if it were.
+        """
+        jitter = self.clock.jitter if self._timed else self._arrivals
+        scatter = jitter.sd if self._timed else jitter.arrival_sd
+        return StampError(jitter.sd if self._told else math.hypot(jitter.sd, UNTOLD_LATENCY_S), scatter)
+
     def looked(self, now: float) -> None:
         """All that had come up to `now` [s] was read: what comes later and is older was late."""
         self._looked = now
+        sent = self.taken + self._counts[count.LOST]
+        if self._counted is None:
+            self._counted = (now, sent) if self.taken else None
+        elif now - self._counted[0] >= RATE_S:
+            rate = (sent - self._counted[1]) / (now - self._counted[0])
+            self.notice = self._wrong_rate(rate) or self._jitters()
+            self._counted = now, sent
+
+    def _wrong_rate(self, rate: float) -> str:
+        """By all that the board sent, what was lost on the way included [1/s]."""
+        told = self._rate_hz
+        if told / RATE_OFF < rate < told * RATE_OFF:
+            return ""
+        better = f"write driver.rate_hz: {rate:.4g}, or have the board sample {told:g} times a second"
+        return f"the board sends {rate:.4g} samples/s, driver.rate_hz is {told:g}: {better}"
+
+    def _jitters(self) -> str:
+        jitter = self.clock.jitter.sd
+        if not jitter > JITTER_TOLD_S:
+            return ""
+        better = "have it take the time where it takes the sample (docs/serial.md)"
+        return (
+            f"the board's times jitter by {jitter * 1e3:.2g} ms, which widens what estimates state: {better}"
+        )
 
     def _is_new(self, sequence: int | None) -> bool:
         last, self._sequence = self._sequence, sequence

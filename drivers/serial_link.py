@@ -1,7 +1,8 @@
 """The serial port itself: pyserial sets it up, the system's own calls move its bytes.
 
-A read takes all that came and never waits; a write that finds no room keeps what is left of its one frame,
-and nothing more: commands must not queue. An unplugged port is closed and taken again when it returns.
+A read takes all that came and never waits (`drivers/serial_arrivals.py`); a write that finds no room keeps
+what is left of its one frame, and nothing more: commands must not queue. An unplugged port is closed and
+taken again when it returns.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import serial
 
 from drivers import serial_counters as count
 from drivers.base import DriverError
+from drivers.serial_arrivals import Arrivals
 
 if TYPE_CHECKING:
     from drivers.serial_config import SerialOptions
@@ -47,6 +49,7 @@ class SerialLink:
         self._counts = counts
         self._port: serial.Serial | None = None
         self._fd = -1
+        self._arrivals: Arrivals | None = None
         self._pending = b""
         self._next_attempt = -math.inf
 
@@ -72,6 +75,7 @@ class SerialLink:
         with contextlib.suppress(OSError, ValueError):  # a pty, or an adapter that has no such mode
             port.set_low_latency_mode(True)
         self._port, self._fd = port, port.fileno()
+        self._arrivals = Arrivals(self._fd)
         self._pending = b""
 
     def _advice(self, error: Exception) -> str:
@@ -92,11 +96,11 @@ class SerialLink:
 
     def wait(self, timeout: float) -> bool:
         """Whether something can be read within `timeout` [s]."""
-        return bool(select.select([self._fd], [], [], timeout)[0])
+        return self._arrivals is not None and self._arrivals.wait(timeout)
 
     def read(self) -> bytes:
         """All that came; nothing if the port is gone."""
-        if self._fd < 0:
+        if self._arrivals is None or not self._arrivals.taken():
             return b""
         try:
             data = os.read(self._fd, CHUNK)
@@ -169,6 +173,8 @@ class SerialLink:
 
     def close(self) -> None:
         """Give the port back."""
+        if self._arrivals is not None:
+            self._arrivals.close()
         if self._port is not None:
             self._port.close()
-        self._port, self._fd, self._pending = None, -1, b""
+        self._port, self._fd, self._arrivals, self._pending = None, -1, None, b""

@@ -59,7 +59,7 @@ class SerialOutputs:
         self.sent = 0
         self._room = options.max_in_flight
         self._timeout = options.confirm_timeout_s
-        self._acknowledged = options.format == "binary" or "ack" in options.line
+        self._acknowledged = options.has("ack")
         self._line_s = 0.0 if options.usb else codec.command_bytes() * 10.0 / options.baud
         self._link = link
         self._codec = codec

@@ -28,7 +28,7 @@ NEUTRAL = 0.0
 class VirtualOptions(BaseModel):
     """The rig file's `driver:` section for kind `virtual`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     kind: Literal["virtual"]
     realtime: bool = True
@@ -52,6 +52,7 @@ class VirtualDriver(Driver):
 
     Options = VirtualOptions
     push = True
+    acts_on = "simulation"
     counter_names: ClassVar[tuple[str, ...]] = ("samples", "commands", "watchdog_trips")
 
     def __init__(self, options: VirtualOptions, clock: Callable[[], float]) -> None:
@@ -67,11 +68,12 @@ class VirtualDriver(Driver):
 
     @classmethod
     def channels(cls, options: VirtualOptions) -> tuple[Channel, ...]:
-        """Plant inputs [V], plant outputs (their unit is the rig file's affair) and constants."""
+        """Plant inputs, what enables amplifiers, plant outputs, constants; in the rig file's units."""
         simulation = _required(options)
         plants = simulation.plants.values()
         return (
-            *(Channel(plant.input, "output", "V") for plant in plants),
+            *(Channel(plant.input, "output") for plant in plants),
+            *(Channel(name, "output") for name in simulation.enabling_channels),
             *(Channel(plant.output, "input") for plant in plants),
             *(Channel(name, "input") for name in simulation.index_channels),
             *(Channel(name, "input") for name in simulation.constants),
@@ -134,6 +136,10 @@ class VirtualDriver(Driver):
             amplifier(now, value)
         self.counters[1] += 1
         return now
+
+    def untold_delay(self, tick: float) -> float:
+        """By the slower of loop and sensor."""
+        return super().untold_delay(max(tick, self._period))
 
     def neutral(self, t: float) -> float:
         """Command 0 V."""

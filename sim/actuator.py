@@ -27,7 +27,7 @@ NEUTRAL = 0.0
 HISTORY = 2000
 """Commands that are remembered."""
 
-FIXED = frozenset({"input", "output", "sensor", "measures", "supply_pressure", "temperature"})
+FIXED = frozenset({"input", "output", "sensor", "measures", "supply_pressure", "temperature", "enabled_by"})
 """What cannot change while the rig runs."""
 
 
@@ -35,11 +35,12 @@ class Actuator:
     """A plant behind its amplifier, seen by its sensor.
 
     The amplifier holds each command until the next, and goes neutral at exactly `watchdog_s` after
-    the last one. Times that lie before the latest one known are taken as that one.
+    the last one. It obeys only while it is enabled. Times that lie before the latest one known are taken
+    as that one.
 
     Attributes:
         t: How far the plant has come [s].
-        voltage: What the amplifier was told [V]; what the valve makes of it is the plant's affair.
+        voltage: What the amplifier puts out [V]; what the valve makes of it is the plant's affair.
         tripped: The watchdog is why it is neutral.
         commands: How many commands came.
         last_command: When the newest of them came [s]; None before the first.
@@ -54,9 +55,12 @@ class Actuator:
         self.config = config
         self.plant = Plant(plant_parameters(config), t, config.position)
         self.readings = Readings(random, config.noise, config.effects)
+        self._shown = 0.0
         self.kind = make_sensor(config.sensor, config.measures == "velocity")
         self.t = t
-        self.voltage = NEUTRAL
+        self.voltage = self._asked = NEUTRAL
+        self._enabling = dict.fromkeys(config.enabled_by, False)
+        self._enabled = not config.enabled_by
         self.tripped = False
         self.trips = 0
         self.commands = 0
@@ -99,7 +103,18 @@ class Actuator:
         self.commands_since_neutral += 1
         self._put_out(volts if math.isfinite(volts) else NEUTRAL)
 
-    def _put_out(self, volts: float) -> None:
+    def enable(self, t: float, channel: str, value: float) -> None:
+        """Take the number of one of the channels that enable it, which came at `t` [s]."""
+        self._come_to(t)
+        self._enabling[channel] = value == self.config.enabled_by[channel]
+        enabled = all(self._enabling.values())
+        if enabled != self._enabled:
+            self._enabled = enabled
+            self._put_out(self._asked)
+
+    def _put_out(self, asked: float) -> None:
+        self._asked = asked
+        volts = asked if self._enabled else NEUTRAL
         self.voltage = volts
         self.plant.command(self.t, volts)
         if volts != NEUTRAL:
@@ -120,7 +135,9 @@ class Actuator:
             value = self.kind.sense(self.t, self.plant.shaft, seen)
         else:
             value = self.kind.sense(self.t, seen, 0.0)
-        return self.kind.number(self.readings.read(value))
+        if self.readings.due(self.t):
+            self._shown = self.kind.number(self.readings.read(value))
+        return self._shown
 
     def sample(self, t: float) -> tuple[float, float]:
         """The newest sample at `t` [s] and its time stamp [s]; the one before where this one never came."""
@@ -176,6 +193,7 @@ class Actuator:
             "velocity": self.plant.velocity,
             "pressure": self.plant.pressure,
             "voltage": self.voltage,
+            "enabled": self._enabled,
             "spool": self.plant.spool,
             "watchdog_tripped": self.tripped,
             "watchdog_trips": self.trips,

@@ -85,7 +85,7 @@ def check_channels(codec: CanCodec, rig: SimulatedRig) -> None:
         CodecError: A channel is not in the DBC, or goes the wrong way.
     """
     known = {(channel.name, channel.direction) for channel in codec.channels()}
-    wanted = [(actuator.config.input, "output") for actuator in rig.actuators.values()]
+    wanted = [(channel, "output") for channel in rig.inputs()]
     wanted += [(channel, "input") for channel in rig.sensor_channels()]
     for name, direction in wanted:
         if (name, direction) not in known:

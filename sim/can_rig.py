@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.can import REALTIME_STAMPS
 from drivers.can_codec import CanCodec, CodecError, UnknownFrameError, WrongLengthError
 from drivers.can_counters import COUNTER_NAMES
+from drivers.can_interfaces import REALTIME_STAMPS
 from drivers.can_link import CanLink, filters_for
 from drivers.clock import StampClock
 from sim.can_messages import check_channels, identifiers, sensor_messages
@@ -176,6 +176,7 @@ def run(
     simulation: SimulationConfig,
     control_port: int | None = None,
     duration: float | None = None,
+    own: str | None = None,  # noqa: ARG001 - as other rigs have it
 ) -> None:
     """Be the rig until SIGTERM or SIGINT; one JSON line on stdout tells when it is ready.
 
@@ -184,6 +185,7 @@ def run(
         simulation: Its simulation section.
         control_port: Instead of the section's; 0 for any free one.
         duration: End by itself after this [s].
+        own: Not needed: both ends of a bus have the same name.
 
     Raises:
         DriverError: The bus cannot be had, or the simulation does not fit the DBC.

@@ -15,7 +15,7 @@ from sim.sensor_config import AnySensor, Finite, IncrementalEncoderTruth, NonNeg
 class PlantConfig(BaseModel):
     """One actuator: G_L of Eq. 1 from volts to velocity, position its integral, and what else is in it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     input: str
     """Channel of the command voltage."""
@@ -28,7 +28,7 @@ class PlantConfig(BaseModel):
     omega_n: Positive
     """Undamped natural frequency [rad/s]."""
     zeta: Positive
-    """Damping ratio."""
+    """Damping ratio [1]."""
     effects: Effects = Field(default_factory=dict)
     """What it has beyond Eq. 1, as in `sim/effects.py`: {effect: {parameter: value}}."""
     position: Finite = 0.0
@@ -39,15 +39,17 @@ class PlantConfig(BaseModel):
     """End stops [output unit]: the load stands still there."""
     sensor: AnySensor | None = None
     """What measures it; then the `output unit` is rad or m (for the noise of a speed, per s)."""
+    enabled_by: dict[str, Finite] = {}
+    """Command channels and the numbers [the channel's unit] without which the amplifier puts out neutral."""
 
     supply_pressure: str | None = None
     """Constant whose number is in proportion to the supply pressure: effects follow it."""
     nominal_pressure: Positive | None = None
-    """Its number at which K_L, omega_n and zeta are what is written here."""
+    """Its number [that constant's unit] at which K_L, omega_n and zeta are what is written here."""
     temperature: str | None = None
     """Constant that tells the oil's temperature [K, or deg C]."""
     nominal_temperature: Finite | None = None
-    """Its number at which K_L, omega_n and zeta are what is written here."""
+    """Its number [K, or deg C] at which K_L, omega_n and zeta are what is written here."""
 
     @property
     def index_channel(self) -> str | None:
@@ -92,7 +94,7 @@ class PlantConfig(BaseModel):
 class BoardConfig(BaseModel):
     """The board of a simulated rig on a serial line."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     drift: Annotated[float, Field(ge=-0.01, le=0.01)] = 0.0
     """By which its clock is fast [s/s]."""
@@ -103,21 +105,28 @@ class BoardConfig(BaseModel):
 class SimulationConfig(BaseModel):
     """A whole simulated rig."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     plants: dict[str, PlantConfig] = Field(min_length=1)
+    """Plants by name: each an actuator behind its amplifier, seen by its sensor."""
     constants: dict[str, Finite] = {}
-    """Input channels that stand still at a value, such as an e-stop line."""
+    """Input channels that stand still at a number [the channel's unit], such as an e-stop line."""
     seed: int = 1
+    """Of all that is random: noise, missing samples, faults."""
     watchdog_s: Positive = 0.02
-    """The amplifier goes to neutral when commands stop for this long."""
+    """The amplifier goes to neutral when commands stop for this long [s]."""
     sensor_rate_hz: Annotated[float, Field(ge=1, le=20000)] = 2000.0
-    """Rate of the sensor frames where the rig sends them by itself."""
+    """Rate of the sensor frames where the rig sends them by itself [Hz]."""
     control_port: Annotated[int, Field(ge=0, le=65535)] = 7601
     """TCP port on loopback where `seod rig` takes faults and tells its true values."""
 
     board: BoardConfig = BoardConfig()
     """Where `seod rig` speaks on a serial line."""
+
+    @property
+    def enabling_channels(self) -> list[str]:
+        """Command channels that amplifiers wait for."""
+        return list(dict.fromkeys(channel for plant in self.plants.values() for channel in plant.enabled_by))
 
     @property
     def index_channels(self) -> list[str]:
@@ -128,7 +137,8 @@ class SimulationConfig(BaseModel):
     def _one_source_for_each_channel(self) -> SimulationConfig:
         plants = self.plants.values()
         read = [*(p.output for p in plants), *self.constants, *self.index_channels]
-        for used in ([p.input for p in plants], read):
+        shared = {channel for plant in plants for channel in plant.enabled_by}
+        for used in ([*(p.input for p in plants), *shared], read):
             twice = sorted(channel for channel, count in Counter(used).items() if count > 1)
             if twice:
                 raise ValueError(

@@ -50,6 +50,7 @@ class Effect:
         parameters: Its numbers; all at their null values switch it off.
         equivalent: What cannot be told from it, and under which conditions; "" if nothing is known.
         cause: Whether a diagnosis may name it; the others only make truths to be found.
+        parts: Whether each of its parameters is a size of its own; else the first is its size.
     """
 
     name: str
@@ -58,16 +59,29 @@ class Effect:
     parameters: tuple[Parameter, ...]
     equivalent: str = ""
     cause: bool = True
+    parts: bool = False
 
 
 INF = math.inf
+SENSOR_CURVE = {2: "a bow", 3: "an S", 4: "a W", 5: "two S", 6: "three bows"}
+"""Shapes of a sensor's curve, by the order of the Legendre polynomial: without offset and slope."""
+
+FAR = 1e15
+"""Largest number with a unit of length or angle, also by s or s^2: a thousand km, in nm. Records come in any
+unit, and what is found in one in um must be what is found in the same one in m."""
+
+NEAR = 1.0 / FAR
+"""Smallest where 0 is none: a um, in units of a Gm."""
+
+MAP_KNOTS = 3
+"""Of a valve's map to each side, evenly over its range."""
 
 _ALL = (
     Effect(
         "transport_delay",
         "valve",
         "The command arrives later: bus, amplifier electronics, a loop's own tick.",
-        (Parameter("time", "s", 0.0, 0.0, 0.1, "from the command to the valve"),),
+        (Parameter("time", "s", 0.0, 0.0, 100.0, "from the command to the valve"),),
         "On a linear plant with one input and one output, a delay of the sensor.",
     ),
     Effect(
@@ -76,6 +90,24 @@ _ALL = (
         "The spool or its amplifier has an end: more voltage opens no further.",
         (Parameter("limit", "V", INF, 1e-6, INF, "largest voltage that counts, either way"),),
         "With a relay alone a smaller gain: u has two values.",
+    ),
+    Effect(
+        "static_valve_map",
+        "valve",
+        "The valve's gain differs by level and direction: a smooth curve to either side of 0 V.",
+        (
+            *(
+                Parameter(f"bend_{k}", "V", 0.0, -FAR, FAR, f"further out at {k}/{MAP_KNOTS} of the range")
+                for k in range(1, MAP_KNOTS)
+            ),
+            *(
+                Parameter(f"tilt_{k}", "V", 0.0, -FAR, FAR, f"added at {k}/{MAP_KNOTS} of it, either way")
+                for k in range(1, MAP_KNOTS + 1)
+            ),
+            Parameter("range", "V", INF, NEAR, INF, "command of the last knots; beyond them gain 1"),
+        ),
+        "With a relay alone a gain and a load_bias; of few levels valve_deadband, asymmetric_gain.",
+        parts=True,
     ),
     Effect(
         "valve_hysteresis",
@@ -88,8 +120,15 @@ _ALL = (
         "valve_lag",
         "valve",
         "The spool follows its command as a first-order lag.",
-        (Parameter("time", "s", 0.0, 0.0, 0.1, "time constant"),),
+        (Parameter("time", "s", 0.0, 0.0, 100.0, "time constant"),),
         "sensor_lag on a linear plant; for frequencies far below 1 / time a transport_delay.",
+    ),
+    Effect(
+        "valve_rate_limit",
+        "valve",
+        "The spool goes no faster: its pilot stage gives so much flow, its motor so much current.",
+        (Parameter("rate", "V/s", INF, 1e-3, INF, "fastest that the spool goes, either way"),),
+        "Under a relay, whose switches are all as high, a moving mean: of slow plants a transport_delay.",
     ),
     Effect(
         "null_shift",
@@ -119,7 +158,7 @@ _ALL = (
         "The orifice's flow falls with the square root of the pressure that the load leaves.",
         (
             Parameter(
-                "supply", "unit/s^2", INF, 1e-6, INF, "acceleration of the free load by the supply pressure"
+                "supply", "unit/s^2", INF, NEAR, INF, "acceleration of the free load by the supply pressure"
             ),
         ),
         "For small loads a larger zeta: see sim.linear.",
@@ -135,7 +174,7 @@ _ALL = (
         "load_bias",
         "load",
         "A constant load: gravity, an unbalanced cylinder.",
-        (Parameter("acceleration", "unit/s^2", 0.0, -1e6, 1e6, "against positive movement"),),
+        (Parameter("acceleration", "unit/s^2", 0.0, -FAR, FAR, "against positive movement"),),
         "null_shift of 2 zeta acceleration / (omega_n K_L) volts; with a relay alone an asymmetric_gain.",
     ),
     Effect(
@@ -144,7 +183,7 @@ _ALL = (
         "The load pulls back to where it belongs: a spring, a pendulum, an aerodynamic hinge moment.",
         (
             Parameter("stiffness", "1/s^2", 0.0, -1e7, 1e7, "acceleration for each unit of deflection"),
-            Parameter("centre", "unit", 0.0, -1e6, 1e6, "position without force"),
+            Parameter("centre", "unit", 0.0, -FAR, FAR, "position without force"),
         ),
         "Above its own frequency nothing: the position then turns round before the spring is felt.",
     ),
@@ -152,7 +191,7 @@ _ALL = (
         "coulomb_friction",
         "load",
         "Seals and bearings: a constant force against the movement, and at rest up to that force.",
-        (Parameter("level", "unit/s^2", 0.0, 0.0, 1e6, "deceleration"),),
+        (Parameter("level", "unit/s^2", 0.0, 0.0, FAR, "deceleration"),),
         "In one limit cycle of constant amplitude a larger zeta.",
     ),
     Effect(
@@ -160,8 +199,8 @@ _ALL = (
         "load",
         "More friction at low speed: level * exp(-(v / speed)^2) on top of the Coulomb friction.",
         (
-            Parameter("level", "unit/s^2", 0.0, 0.0, 1e6, "excess at rest"),
-            Parameter("speed", "unit/s", 1.0, 1e-9, 1e6, "at which it has fallen to 1/e"),
+            Parameter("level", "unit/s^2", 0.0, 0.0, FAR, "excess at rest"),
+            Parameter("speed", "unit/s", 1.0, NEAR, FAR, "at which it has fallen to 1/e"),
         ),
         "For speeds far above `speed` nothing.",
     ),
@@ -194,41 +233,77 @@ _ALL = (
         "load",
         "Pump ripple, an unbalanced rotor: amplitude * sin(omega t + phase) on the load.",
         (
-            Parameter("amplitude", "unit/s^2", 0.0, 0.0, 1e6, "acceleration"),
+            Parameter("amplitude", "unit/s^2", 0.0, 0.0, FAR, "acceleration"),
             Parameter("omega", "rad/s", 100.0, 1e-3, 1e5, "frequency"),
             Parameter("phase", "rad", 0.0, -10.0, 10.0, "at the start"),
         ),
         "A ripple of flow, volts or sensor of the same frequency.",
     ),
     Effect(
+        "measured_disturbance",
+        "load",
+        "A load that a further channel `f` of the recording shows: a force, another circuit's pressure.",
+        (Parameter("gain", "unit/s^2 for each unit of f", 0.0, -FAR, FAR, "acceleration of the load"),),
+        "Without such a channel nothing; of one that follows the movement a load_spring, or zeta.",
+    ),
+    Effect(
         "backlash",
         "sensor",
         "Play between the actuator and what is measured: the measurement follows once the gap is used up.",
-        (Parameter("gap", "unit", 0.0, 0.0, 10.0, "the whole gap"),),
+        (Parameter("gap", "unit", 0.0, 0.0, FAR, "the whole gap"),),
     ),
     Effect(
         "position_ripple",
         "sensor",
         "An eccentric encoder: amplitude * sin(wavenumber y + phase) is added to the position.",
         (
-            Parameter("amplitude", "unit", 0.0, 0.0, 10.0, "of the error"),
-            Parameter("wavenumber", "rad/unit", 1.0, 1e-3, 1e6, "1: once a revolution"),
+            Parameter("amplitude", "unit", 0.0, 0.0, FAR, "of the error"),
+            Parameter("wavenumber", "rad/unit", 1.0, NEAR, FAR, "1: once a revolution"),
             Parameter("phase", "rad", 0.0, -10.0, 10.0, "at position 0"),
         ),
         "While the position stays within a small part of a wave a gain of the sensor.",
     ),
     Effect(
+        "sensor_nonlinearity",
+        "sensor",
+        "A smooth curve between position and reading: a linkage, an eccentric encoder in part of a turn.",
+        (
+            *(
+                Parameter(f"order_{n}", "unit", 0.0, -FAR, FAR, f"at the travel's ends: {shape}")
+                for n, shape in SENSOR_CURVE.items()
+            ),
+            Parameter("centre", "unit", 0.0, -FAR, FAR, "middle of the travel"),
+            Parameter("half", "unit", 1.0, NEAR, FAR, "half of the travel; beyond it the curve is straight"),
+        ),
+        "A position_ripple of less than about one wave over the travel.",
+        parts=True,
+    ),
+    Effect(
         "sensor_lag",
         "sensor",
         "A low-pass of first order in the sensor or its converter.",
-        (Parameter("time", "s", 0.0, 0.0, 0.1, "time constant"),),
+        (Parameter("time", "s", 0.0, 0.0, 100.0, "time constant"),),
         "valve_lag on a linear plant.",
+    ),
+    Effect(
+        "rectified_sensor",
+        "sensor",
+        "A sensor that knows no sign: pulses are counted, a voltage is rectified.",
+        (Parameter("part", "1", 0.0, 0.0, 2.0, "below 0 it shows (1 - 2 part) y; 1: the absolute value"),),
+        "While the reading keeps its sign a turned sensor, or nothing.",
+    ),
+    Effect(
+        "held_readings",
+        "sensor",
+        "A sensor slower than the record: each reading is repeated until the next is taken.",
+        (Parameter("time", "s", 0.0, 0.0, 100.0, "from one reading to the next, by the sensor's clock"),),
+        "Of slow movements a sensor's delay of half of that.",
     ),
     Effect(
         "sensor_quantization",
         "sensor",
         "Counts of an encoder or of a converter.",
-        (Parameter("step", "unit (unit/s for a speed)", 0.0, 0.0, 10.0, "one count"),),
+        (Parameter("step", "unit (unit/s for a speed)", 0.0, 0.0, FAR, "one count"),),
         "With movement over many steps white noise of step / sqrt(12).",
     ),
     Effect(
@@ -243,6 +318,7 @@ _ALL = (
             Parameter("omega_n_thermal", "1/K", 0.0, -1.0, 1.0, "of omega_n with temperature"),
             Parameter("zeta_thermal", "1/K", 0.0, -1.0, 1.0, "of zeta with temperature"),
         ),
+        parts=True,
     ),
     Effect(
         "outliers",
@@ -251,7 +327,7 @@ _ALL = (
         (
             Parameter("rate", "1", 0.0, 0.0, 1.0, "part of the samples"),
             Parameter(
-                "size", "unit (unit/s for a speed)", 0.0, 0.0, 1e6, "standard deviation of their error"
+                "size", "unit (unit/s for a speed)", 0.0, 0.0, FAR, "standard deviation of their error"
             ),
         ),
     ),
@@ -272,11 +348,18 @@ _ALL = (
     ),
 )
 
-LEAST = {"valve_lag.time": 1e-5, "sensor_lag.time": 1e-5, "backlash.gap": 1e-9}
+LEAST = {"valve_lag.time": 1e-5, "sensor_lag.time": 1e-5, "backlash.gap": NEAR}
 """What is smaller and not 0 costs the kernel much, for nothing that could be seen."""
 
-STIFFEST = 1e5
-"""Greatest stiffness of bristles over level [1/unit]; level of Stribeck friction over its speed [1/s]."""
+STEEPEST = 1e5
+"""Greatest level of Stribeck friction over its speed [1/s]."""
+
+STIFFEST = 1e9
+"""Greatest stiffness of bristles over level [1/unit]: what gives way by less is dry friction, in any unit."""
+
+QUICKEST = 1e4
+"""The same times the speed at which Stribeck friction has fallen [1/s]: beside it bristles never settle, and
+each of them is followed at any speed."""
 
 EFFECTS = {effect.name: effect for effect in _ALL}
 """All effects by name, in the order of the signal's way."""
@@ -299,11 +382,19 @@ def parameter(place: str) -> tuple[Effect, Parameter]:
     raise ValueError(f"{place}: {name} has no parameter {of!r}; it has {known}")
 
 
+def stiffest_bristles(values: Mapping[str, float]) -> float:
+    """Greatest stiffness of bristles over level [1/unit], beside what else is in `values`, by place."""
+    if not values.get("stribeck_friction.level", 0.0) > 0.0:
+        return STIFFEST
+    return min(STIFFEST, QUICKEST / values.get("stribeck_friction.speed", 1.0))
+
+
 def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
     """What of these effects cannot be together, or is too quick to be simulated; "" if all can."""
     values = {f"{name}.{of}": value for name, group in effects.items() for of, value in group.items()}
     level = values.get("coulomb_friction.level", 0.0)
     bristles = values.get("lugre_friction.stiffness", 0.0)
+    stiffest = stiffest_bristles(values)
     problems = [
         f"{place} must be 0 or at least {least:g}"
         for place, least in LEAST.items()
@@ -313,9 +404,12 @@ def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
         problems.append(
             "lugre_friction needs coulomb_friction.level > 0: its bristles give way at that force"
         )
-    elif bristles > STIFFEST * level:
-        problems.append(f"lugre_friction.stiffness must be at most {STIFFEST:g} coulomb_friction.level")
-    slowest = values.get("stribeck_friction.level", 0.0) / STIFFEST
+    elif bristles > stiffest * level:
+        problems.append(f"lugre_friction.stiffness must be at most {stiffest:g} coulomb_friction.level")
+    knots = [place for place, value in values.items() if place.startswith("static_valve_map.") and value]
+    if knots and "static_valve_map.range" not in values:
+        problems.append("static_valve_map needs a range: the command of its last knots")
+    slowest = values.get("stribeck_friction.level", 0.0) / STEEPEST
     if values.get("stribeck_friction.speed", 1.0) < slowest:
-        problems.append(f"stribeck_friction.speed must be at least {slowest:g}: its level / {STIFFEST:g}")
+        problems.append(f"stribeck_friction.speed must be at least {slowest:g}: its level / {STEEPEST:g}")
     return "; ".join(problems)

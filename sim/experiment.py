@@ -88,6 +88,7 @@ class Experiment:
         latency: From a sample to the command's leaving [s].
         supply: Supply pressure over nominal: one for each time, or none where it stays nominal.
         warmth: Temperature above nominal [K], likewise.
+        force: What is measured of a disturbance, likewise.
         approach: Command held before the first sample, until the plant has settled [V]; None: at rest.
         p: The kernel's parameters, shape (1,).
         state: The kernel's state, shape (1,): `state["t"]` tells how far it has come, also while it runs.
@@ -103,6 +104,7 @@ class Experiment:
     latency: float = 0.0
     supply: Array = field(default_factory=lambda: NONE)
     warmth: Array = field(default_factory=lambda: NONE)
+    force: Array = field(default_factory=lambda: NONE)
     approach: float | None = None
     p: NDArray[np.void] = field(init=False)
     state: NDArray[np.void] = field(init=False)
@@ -117,11 +119,15 @@ class Experiment:
         if len(self.warmth):
             self.state["warmth"] = self.warmth[0]
 
+    @property
+    def _around(self) -> tuple[Array, Array, Array]:
+        return self.supply, self.warmth, self.force
+
     def run_given(self, u: Array) -> Recording:
         """Under given commands [V], one for each time."""
         seen, noise = self._begin()
         t_u, y = self.t + self.latency, np.empty(len(seen))
-        follow(self.p[0], self.state[0], t_u, u, seen, noise, self.supply, self.warmth, y)
+        follow(self.p[0], self.state[0], t_u, u, seen, noise, *self._around, y)
         return self._recorded(u, y, t_u)
 
     def run_relay(self, relay: Relay) -> Recording:
@@ -133,7 +139,7 @@ class Experiment:
         seen, noise = self._begin()
         y, u, t_u = np.empty((3, len(seen)))
         r = self._kernel_relay(relay)
-        sampled_relay(self.p[0], self.state[0], r[0], seen, noise, self.supply, self.warmth, y, u, t_u)
+        sampled_relay(self.p[0], self.state[0], r[0], seen, noise, *self._around, y, u, t_u)
         low, high = sensor_range(self.plant)
         if y.min() < low or y.max() > high:
             raise ValueError(
@@ -154,7 +160,8 @@ class Experiment:
         """Brings the plant to the first time; when the samples are really taken, and their noise."""
         if self.approach is not None:
             before, volts, start = self.state["t"].copy(), np.array([self.approach]), self.t[:1]
-            follow(self.p[0], self.state[0], before, volts, start, NONE, NONE, NONE, np.empty(1))
+            follow(self.p[0], self.state[0], before, volts, start, NONE, NONE, NONE, NONE, np.empty(1))
+            self.state["taken"] = -math.inf
         seen = jittered(self.t, float(self.p["timing_jitter_deviation"][0]), self._random("timing_jitter"))
         noise = self._random("noise").normal(0.0, self.noise, len(seen)) if self.noise else NONE
         return seen, noise

@@ -6,6 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import Legendre
+
+from sim.effects import SENSOR_CURVE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -92,13 +95,31 @@ def sensor(p: Mapping[str, float], steady: Steady, position: float) -> Matrix:
         return row
     wave, amplitude = p["position_ripple_wavenumber"], p["position_ripple_amplitude"]
     angle = wave * (position - 0.5 * steady.direction * p["backlash_gap"]) + p["position_ripple_phase"]
-    slope = 1.0 + amplitude * wave * math.cos(angle)
+    bend, rises, bows = _bend(p, position - 0.5 * steady.direction * p["backlash_gap"])
+    slope = 1.0 + amplitude * wave * math.cos(angle) + rises
     if not p["measures_speed"]:
-        row[POSITION] = slope
+        behind = position - 0.5 * steady.direction * p["backlash_gap"]
+        row[POSITION] = slope * _shown(p, behind + amplitude * math.sin(angle) + bend)
         return row
     row[VELOCITY] = slope
-    row[POSITION] = -steady.speed * amplitude * wave**2 * math.sin(angle)
-    return row
+    row[POSITION] = steady.speed * (bows - amplitude * wave**2 * math.sin(angle))
+    return row * _shown(p, slope * (steady.speed or steady.direction))
+
+
+def _bend(p: Mapping[str, float], position: float) -> tuple[float, float, float]:
+    """The sensor's curve [unit], its slope, and its second derivative [1/unit]."""
+    half = p["sensor_nonlinearity_half"]
+    curve = Legendre([0.0, 0.0, *(p[f"sensor_nonlinearity_order_{n}"] for n in SENSOR_CURVE)])
+    along = (position - p["sensor_nonlinearity_centre"]) / half
+    z = min(max(along, -1.0), 1.0)
+    rises = float(curve.deriv()(z))
+    bows = float(curve.deriv(2)(z)) if z == along else 0.0
+    return float(curve(z)) + rises * (along - z), rises / half, bows / half**2
+
+
+def _shown(p: Mapping[str, float], seen: float) -> float:
+    """Slope of what the sensor shows over what it sees."""
+    return 1.0 if seen >= 0.0 else 1.0 - 2.0 * p["rectified_sensor_part"]
 
 
 def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matrix]:

@@ -1,8 +1,8 @@
 """The kernel: the reduced hydraulic plant with all effects, integrated from event to event.
 
 Equations and tolerance are in `docs/model.md`. Between two commands the spool moves as an exact
-exponential; pressure, load and sensor are integrated by the classic fourth-order Runge-Kutta method in
-substeps of at most `substep`. A substep in which something switches (the load stops, sticks, breaks away,
+ramp or exponential; pressure, load and sensor are integrated by the classic fourth-order Runge-Kutta method
+in substeps of at most `substep`. A substep in which something switches (the load stops, sticks, breaks away,
 meets an end stop or the other flank of the backlash, or the measurement passes the relay's threshold) is
 cut there: the right-hand side is smooth within each piece, so that the order of the method holds.
 """
@@ -27,18 +27,17 @@ MOST_EVENTS = 10000
 
 @compiled
 def command(p: Record, s: Record, volts: float) -> None:
-    """Have a command arrive at the valve [V]: saturation and hysteresis."""
+    """Have a command arrive at the valve [V]: saturation, map and hysteresis."""
     limit, play = p.valve_saturation_limit, p.valve_hysteresis_half_width
-    volts = min(max(volts, -limit), limit)
+    volts = physics.mapped(p, min(max(volts, -limit), limit))
     s.target = min(max(s.target, volts - play), volts + play)
 
 
 @compiled
 def measured(p: Record, s: Record) -> float:
     """What the sensor sees now, before noise and quantisation [unit, or unit/s]."""
-    if p.sensor_lag_time > 0.0:
-        return s.lagged
-    return physics.seen(p, s, s.position, s.velocity)
+    seen = s.lagged if p.sensor_lag_time > 0.0 else physics.seen(p, s, s.position, s.velocity)
+    return physics.rectified(p, seen)
 
 
 @compiled
@@ -94,7 +93,7 @@ def _moved(z: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 def _step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
     """One Runge-Kutta step of `h` [s] from `z`."""
     half = 0.5 * h
-    first = physics.opening(p, s.spool) if p.valve_lag_time > 0.0 else physics.opening(p, s.target)
+    first = physics.opening(p, s.spool if physics.spool_moves(p) else s.target)
     middle = physics.opening(p, physics.spool_at(p, s, half))
     last = physics.opening(p, physics.spool_at(p, s, h))
     a = physics.rates(p, s, z, s.t, first)
@@ -111,6 +110,7 @@ def _accept(p: Record, s: Record, z: tuple[float, ...], h: float) -> None:
     s.t += h
     s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged = z
     s.followed = physics.followed(p, s, s.position)
+    s.steps += 1.0
 
 
 @compiled
@@ -122,7 +122,7 @@ def _event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
     most = -1.0
     if s.watch != 0.0:
         seen = z[6] if p.sensor_lag_time > 0.0 else physics.seen(p, s, z[2], z[1])
-        most = max(most, s.watch * (seen - s.level - s.rate * (s.t + h)))
+        most = max(most, s.watch * (physics.rectified(p, seen) - s.level - s.rate * (s.t + h)))
     if s.stopped != 0.0 or s.motion == 0.0:
         return max(most, _breaks_away(p, s, z, s.t + h))
     if physics.dry_friction(p) or p.backlash_gap > 0.0 or p.lugre_friction_stiffness > 0.0:
@@ -156,6 +156,7 @@ def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
         middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
         if trial > MOST_TRIALS:
             middle = 0.5 * (low + high)
+        s.steps += 1.0
         value = _event(p, s, _step(p, s, z, middle), middle)
         if value > 0.0:
             high, at_high = middle, value

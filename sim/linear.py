@@ -26,6 +26,7 @@ from sim.jacobian import (
 )
 from sim.parameters import SLOTS
 from sim.steady import Conditions, Steady, at_speed, at_volts
+from sim.valve_map import ValveMap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -115,10 +116,19 @@ def small_signal(
     A, C = dynamics(c, steady), sensor(p, steady, position)
     K_L, omega_n, zeta = _equation_1(p, steady, A, C)
     B, C = add_lags(p, A, C)
+    worth = ValveMap(p).slope(steady.volts, steady.direction or steady.side)
     keep = present(p)
     names = tuple(STATES[k] for k in keep)
     return SmallSignal(
-        K_L, omega_n, zeta, p["transport_delay_time"], A[np.ix_(keep, keep)], B[keep], C[keep], names, steady
+        worth * K_L,
+        omega_n,
+        zeta,
+        p["transport_delay_time"],
+        A[np.ix_(keep, keep)],
+        worth * B[keep],
+        C[keep],
+        names,
+        steady,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from sim.compiled import Record, compiled, inlined
+from sim.effects import MAP_KNOTS
 
 LAMINAR = 1e-2
 """Relative pressure drop below which the orifice's flow is laminar: no infinite slope at zero."""
@@ -14,6 +15,28 @@ VACUUM = 1e-3
 
 SETTLED = 1e-9
 """Part of the friction by which bristles that have settled bear more or less than all of it."""
+
+
+@compiled
+def through(s: float, first: float, second: float, third: float) -> float:
+    """A smooth curve through 0 and three knots at 1, 2 and 3; `s` from 0 to 3.
+
+    From the parabola through the first three of the four it goes over to that through the last three.
+    """
+    begins = first * s * (2.0 - s) + second * 0.5 * s * (s - 1.0)
+    ends = 0.5 * (first * (s - 3.0) + third * (s - 1.0)) * (s - 2.0) - second * (s - 1.0) * (s - 3.0)
+    return begins + min(max(s - 1.0, 0.0), 1.0) * (ends - begins)
+
+
+@compiled
+def mapped(p: Record, volts: float) -> float:
+    """What a command is worth by the valve's map [V]."""
+    if p.static_valve_map_range == math.inf:
+        return volts
+    s = min(MAP_KNOTS * abs(volts) / p.static_valve_map_range, float(MAP_KNOTS))
+    bend = through(s, p.static_valve_map_bend_1, p.static_valve_map_bend_2, 0.0)
+    tilt = through(s, p.static_valve_map_tilt_1, p.static_valve_map_tilt_2, p.static_valve_map_tilt_3)
+    return volts + (-bend if volts < 0.0 else bend) + tilt
 
 
 @compiled
@@ -31,9 +54,31 @@ def opening(p: Record, spool: float) -> float:
 @compiled
 def spool_at(p: Record, s: Record, h: float) -> float:
     """The spool `h` [s] from now [V]."""
-    if p.valve_lag_time == 0.0:
+    lag, rate = p.valve_lag_time, p.valve_rate_limit_rate
+    if rate < math.inf:
+        ramp = ramps_for(p, s)
+        if h < ramp:
+            return s.spool + math.copysign(rate * h, s.target - s.spool)
+        if lag == 0.0:
+            return s.target
+        left = min(abs(s.target - s.spool), rate * lag) * math.exp((ramp - h) / lag)
+        return s.target - math.copysign(left, s.target - s.spool)
+    if lag == 0.0:
         return s.target
-    return s.target + (s.spool - s.target) * math.exp(-h / p.valve_lag_time)
+    return s.target + (s.spool - s.target) * math.exp(-h / lag)
+
+
+@compiled
+def ramps_for(p: Record, s: Record) -> float:
+    """How long the spool goes as fast as it can, from now on [s]; its speed is limited."""
+    rate = p.valve_rate_limit_rate
+    return max(0.0, abs(s.target - s.spool) - rate * p.valve_lag_time) / rate
+
+
+@compiled
+def spool_moves(p: Record) -> bool:
+    """Whether the spool takes time to follow its command."""
+    return p.valve_lag_time > 0.0 or p.valve_rate_limit_rate < math.inf
 
 
 @compiled
@@ -71,6 +116,7 @@ def drive(p: Record, s: Record, t: float, pressure: float, position: float, coup
     if p.periodic_disturbance_amplitude != 0.0:
         angle = p.periodic_disturbance_omega * (t - s.origin) + p.periodic_disturbance_phase
         total += p.periodic_disturbance_amplitude * math.sin(angle)
+    total += p.measured_disturbance_gain * s.force
     ratio = p.load_resonance_inertia
     return total - ratio / (1.0 + ratio) * coupled
 
@@ -167,15 +213,57 @@ def rippled(p: Record, position: float) -> float:
     return position + p.position_ripple_amplitude * math.sin(angle)
 
 
+@inlined
+def bends(p: Record) -> bool:
+    """Whether the sensor has a curve."""
+    return (
+        p.sensor_nonlinearity_order_2 != 0.0
+        or p.sensor_nonlinearity_order_3 != 0.0
+        or p.sensor_nonlinearity_order_4 != 0.0
+        or p.sensor_nonlinearity_order_5 != 0.0
+        or p.sensor_nonlinearity_order_6 != 0.0
+    )
+
+
+@inlined
+def bend(p: Record, position: float) -> tuple[float, float]:
+    """What the sensor's curve adds to a position [unit], and its slope: Legendre polynomials."""
+    along = (position - p.sensor_nonlinearity_centre) / p.sensor_nonlinearity_half
+    z = min(max(along, -1.0), 1.0)
+    z2 = z * z
+    z4 = z2 * z2
+    a, b, c = p.sensor_nonlinearity_order_2, p.sensor_nonlinearity_order_3, p.sensor_nonlinearity_order_4
+    d, e = p.sensor_nonlinearity_order_5, p.sensor_nonlinearity_order_6
+    value = a * (1.5 * z2 - 0.5) + b * z * (2.5 * z2 - 1.5) + c * (4.375 * z4 - 3.75 * z2 + 0.375)
+    value += d * z * (7.875 * z4 - 8.75 * z2 + 1.875)
+    value += e * (14.4375 * z4 * z2 - 19.6875 * z4 + 6.5625 * z2 - 0.3125)
+    slope = a * 3.0 * z + b * (7.5 * z2 - 1.5) + c * z * (17.5 * z2 - 7.5)
+    slope += d * (39.375 * z4 - 26.25 * z2 + 1.875) + e * z * (86.625 * z4 - 78.75 * z2 + 13.125)
+    return value + slope * (along - z), slope / p.sensor_nonlinearity_half
+
+
+@inlined
+def encoded(p: Record, position: float) -> float:
+    """What the sensor makes of a position [unit]."""
+    return rippled(p, position) + bend(p, position)[0] if bends(p) else rippled(p, position)
+
+
 @compiled
 def seen(p: Record, s: Record, position: float, velocity: float) -> float:
     """What the sensor sees without its lag [unit, or unit/s]."""
     behind = followed(p, s, position)
     if not p.measures_speed:
-        return rippled(p, behind)
+        return encoded(p, behind)
     if p.backlash_gap > 0.0 and not in_contact(p, s):
         return 0.0
+    slope = 1.0 + bend(p, behind)[1] if bends(p) else 1.0
     if p.position_ripple_amplitude == 0.0:
-        return velocity
+        return velocity * slope
     angle = p.position_ripple_wavenumber * behind + p.position_ripple_phase
-    return velocity * (1.0 + p.position_ripple_amplitude * p.position_ripple_wavenumber * math.cos(angle))
+    return velocity * (slope + p.position_ripple_amplitude * p.position_ripple_wavenumber * math.cos(angle))
+
+
+@compiled
+def rectified(p: Record, value: float) -> float:
+    """What the sensor shows of a value that it sees [unit, or unit/s]."""
+    return value if value >= 0.0 else (1.0 - 2.0 * p.rectified_sensor_part) * value

@@ -13,6 +13,7 @@ import numpy as np
 
 from sim import kernel
 from sim.compiled import Record, compiled
+from sim.physics import spool_moves
 from sim.state import STATE, new_state
 
 if TYPE_CHECKING:
@@ -126,8 +127,8 @@ class Plant:
     @property
     def spool(self) -> float:
         """Where the spool stands, in volts."""
-        lag = self._record["valve_lag_time"][0]
-        return self._values[_SPOOL if lag > 0.0 else _TARGET]
+        moves = spool_moves(self._record[0])
+        return self._values[_SPOOL if moves else _TARGET]
 
     @property
     def pressure(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -10,6 +11,8 @@ if TYPE_CHECKING:
 
 LATE = 3.0
 """A jittering sample is stamped this many standard deviations back: it is taken before or after its stamp."""
+ON_TIME = 1e-9
+"""Part of the time for which readings are held, by which one may be early."""
 
 
 class Readings:
@@ -18,9 +21,11 @@ class Readings:
     Args:
         random: Where chance comes from; seed it for repeatable readings.
         noise: Standard deviation of white noise [unit, or unit/s].
-        effects: `sensor_quantization`, `outliers`, `missing_samples` and `timing_jitter` are looked at.
+        effects: `sensor_quantization`, `held_readings`, `outliers`, `missing_samples` and `timing_jitter` are
+            looked at.
 
     Attributes:
+        hold: For so long a reading is repeated [s]; 0: each is a new one.
         jitter: Standard deviation of the time at which a sample is taken [s].
         punctual: Each sample comes, and is taken when it is asked for.
     """
@@ -29,6 +34,8 @@ class Readings:
         "_begins",
         "_ends",
         "_gap",
+        "_number",
+        "hold",
         "jitter",
         "noise",
         "outliers",
@@ -41,6 +48,7 @@ class Readings:
     def __init__(self, random: Random, noise: float, effects: Mapping[str, Mapping[str, float]]) -> None:
         self.random = random
         self._gap = False
+        self._number = -math.inf
         self.adopt(noise, effects)
 
     def adopt(self, noise: float, effects: Mapping[str, Mapping[str, float]]) -> None:
@@ -51,6 +59,7 @@ class Readings:
 
         self.noise = noise
         self.step = value("sensor_quantization", "step")
+        self.hold = value("held_readings", "time")
         self.outliers, self.size = value("outliers", "rate"), value("outliers", "size")
         self.jitter = value("timing_jitter", "deviation")
         rate = value("missing_samples", "rate")
@@ -68,6 +77,14 @@ class Readings:
         if self.outliers and self.random.random() < self.outliers:
             value += self.random.gauss(0.0, self.size)
         return value
+
+    def due(self, t: float) -> bool:
+        """Whether a new reading is taken at `t` [s]; else the last is repeated."""
+        if not self.hold:
+            return True
+        number, before = math.floor(t / self.hold + ON_TIME), self._number
+        self._number = number
+        return number != before
 
     def missing(self) -> bool:
         """Whether the next sample never comes: a chain of two states, in which as many gaps end as begin."""

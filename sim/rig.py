@@ -34,17 +34,27 @@ class SimulatedRig:
             actuator.follow(t, self.constants)
         actuators = self.actuators.values()
         self._by_input = {a.config.input: a for a in actuators}
+        self._enabled_by = {
+            channel: [a for a in actuators if channel in a.config.enabled_by]
+            for channel in config.enabling_channels
+        }
         self._by_output = {a.config.output: a for a in actuators}
         self._readings = {a.config.output: a.measure for a in actuators}
         self._readings.update({a.config.index_channel: a.mark for a in actuators if a.config.index_channel})
 
     def amplifier(self, channel: str) -> Callable[[float, float], None]:
-        """The function (t, volts) that commands this channel.
+        """The function (t, number) that commands this channel: volts of a plant, or what enables some.
 
         Raises:
-            KeyError: No plant has it as input.
+            KeyError: No plant has it as input or is enabled by it.
         """
+        if channel in self._enabled_by:
+            return lambda t, value: self._enable(t, channel, value)
         return self._by_input[channel].command
+
+    def _enable(self, t: float, channel: str, value: float) -> None:
+        for actuator in self._enabled_by[channel]:
+            actuator.enable(t, channel, value)
 
     def sensor(self, channel: str) -> Callable[[float], float]:
         """The function of t that reads this channel.
@@ -87,19 +97,21 @@ class SimulatedRig:
             actuator.follow(t, self.constants)
 
     def inputs(self) -> list[str]:
-        """Channels that can be commanded."""
-        return list(self._by_input)
+        """Channels that can be commanded: plants' inputs, then what enables their amplifiers."""
+        return [*self._by_input, *self._enabled_by]
 
     def sensor_channels(self) -> list[str]:
         """Channels that can be read: plants' outputs, index marks, then constants."""
         return [*self._readings, *self.constants]
 
-    def apply(self, t: float, volts: Mapping[str, float]) -> None:
+    def apply(self, t: float, values: Mapping[str, float]) -> None:
         """Take the commands that came at `t` [s]; channels that no plant has are not ours and let go."""
-        for channel, value in volts.items():
+        for channel, value in values.items():
             actuator = self._by_input.get(channel)
             if actuator is not None:
                 actuator.command(t, value)
+            elif channel in self._enabled_by:
+                self._enable(t, channel, value)
 
     def measure(self, t: float) -> dict[str, float]:
         """What every sensor says at `t` [s], constants included."""

@@ -2,8 +2,9 @@
 
 Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[k] computed from it, which
 leaves at t_u[k] and holds until the next. The plant's own transport delay comes on top, exactly.
-Arrays `supply` (supply pressure over nominal) and `warmth` (temperature above nominal [K]) have an element a
-row, or none: then both stay as they are. `noise` [unit, or unit/s] likewise.
+Arrays `supply` (supply pressure over nominal), `warmth` (temperature above nominal [K]) and `force` (what is
+measured of a disturbance) have an element a row, or none: then they stay as they are. `noise` [unit, or
+unit/s] likewise.
 """
 
 from __future__ import annotations
@@ -36,18 +37,50 @@ RELAY = np.dtype(
 
 
 @compiled
-def condition(s: Record, supply: Array, warmth: Array, k: int) -> None:
+def condition(s: Record, supply: Array, warmth: Array, force: Array, k: int) -> None:
     """Have the surroundings of row `k` from now on."""
     if len(supply):
         s.supply = supply[k]
     if len(warmth):
         s.warmth = warmth[k]
+    if len(force):
+        s.force = force[k]
+
+
+ON_TIME = 1e-9
+"""Part of the time for which readings are held, by which a row may be early and still have the new one."""
 
 
 @compiled
 def _read(p: Record, s: Record, noise: Array, k: int) -> float:
+    if s.taken > -math.inf:
+        return s.reading
     value = measured(p, s)
     return quantized(p, value + noise[k] if len(noise) else value)
+
+
+@compiled
+def _due(p: Record, s: Record, t: float) -> float:
+    """When a sensor that holds its readings took the one that it shows at `t` [s]; inf: it shows what is."""
+    hold = p.held_readings_time
+    if hold == 0.0:
+        return math.inf
+    due = min(s.origin + math.floor((t - s.origin) / hold + ON_TIME) * hold, t)
+    return due if due > s.taken + 0.5 * hold else math.inf
+
+
+@inlined
+def _sampled(
+    p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float, noise: Array, k: int
+) -> int:
+    """`_deliver`; on the way a sensor that holds its readings takes the one of row `k`."""
+    due = _due(p, s, t)
+    if due < math.inf:
+        given = _deliver(p, s, t_u, u, given, made, due)
+        s.taken = -math.inf
+        s.reading = _read(p, s, noise, k)
+        s.taken = due
+    return _deliver(p, s, t_u, u, given, made, t)
 
 
 @inlined
@@ -63,13 +96,22 @@ def _deliver(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, 
 
 @compiled
 def follow(
-    p: Record, s: Record, t_u: Array, u: Array, t: Array, noise: Array, supply: Array, warmth: Array, y: Array
+    p: Record,
+    s: Record,
+    t_u: Array,
+    u: Array,
+    t: Array,
+    noise: Array,
+    supply: Array,
+    warmth: Array,
+    force: Array,
+    y: Array,
 ) -> None:
     """Given commands `u` [V] at the times `t_u` [s]: what is measured at the times `t` [s], into `y`."""
     given = 0
     for k in range(len(t)):
-        condition(s, supply, warmth, k)
-        given = _deliver(p, s, t_u, u, given, len(u), t[k])
+        condition(s, supply, warmth, force, k)
+        given = _sampled(p, s, t_u, u, given, len(u), t[k], noise, k)
         y[k] = _read(p, s, noise, k)
 
 
@@ -82,6 +124,7 @@ def sampled_relay(
     noise: Array,
     supply: Array,
     warmth: Array,
+    force: Array,
     y: Array,
     u: Array,
     t_u: Array,
@@ -95,8 +138,8 @@ def sampled_relay(
     crossed, period, late = math.nan, 0.0, 0.0  # last upward crossing, last undisturbed period, lateness now
     count, due = 0, -math.inf  # cycles of this phase; when the shown sign follows
     for k in range(len(t)):
-        condition(s, supply, warmth, k)
-        given = _deliver(p, s, t_u, u, given, k, t[k])
+        condition(s, supply, warmth, force, k)
+        given = _sampled(p, s, t_u, u, given, k, t[k], noise, k)
         y[k] = _read(p, s, noise, k)
         if r.velocity_mode == 0.0:
             signal = y[k] - r.reference

@@ -18,7 +18,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 class SensorTruth(BaseModel):
     """What every kind has."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     lag: NonNegative = 0.0
     """Time constant of a first-order low-pass on what is measured [s]."""
@@ -29,13 +29,15 @@ class LinearTruth(SensorTruth):
 
     kind: Literal["linear"]
     scale: Finite = 1.0
+    """Channel's number per unit of the plant [1/rad or 1/m]."""
     offset: Finite = 0.0
+    """Channel's number at 0 [channel's unit]."""
 
 
 class IndexTruth(BaseModel):
     """An index mark, once a turn; its pulse is held until it is read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     channel: str
     """Carries 1 when the mark passed since the last reading, else 0."""
@@ -48,8 +50,9 @@ class IncrementalEncoderTruth(SensorTruth):
 
     kind: Literal["incremental_encoder"]
     bits: Annotated[int, Field(ge=2, le=48)]
+    """Width of the counter."""
     counts_per_unit: Finite
-    """Counts per rad or m; negative for one that counts the other way."""
+    """Counts per unit [1/rad or 1/m]; negative for one that counts the other way."""
     start: int = 0
     """Its number at position 0."""
     index: IndexTruth | None = None
@@ -60,9 +63,11 @@ class AbsoluteEncoderTruth(SensorTruth):
 
     kind: Literal["absolute_encoder"]
     counts_per_rev: Annotated[int, Field(ge=4)]
+    """Numbers in one turn."""
     zero: Finite = 0.0
     """Position at number 0 [rad]."""
     sign: Literal[1, -1] = 1
+    """-1 where it counts the other way."""
 
 
 class FvConverterTruth(SensorTruth):
@@ -70,37 +75,43 @@ class FvConverterTruth(SensorTruth):
 
     kind: Literal["fv_converter"]
     volts_per_unit: Finite
-    """[V s/rad or V s/m]"""
+    """Voltage per speed [V s/rad or V s/m]."""
     offset_v: Finite = 0.0
+    """Voltage at standstill [V]."""
     ripple: NonNegative = 0.0
-    """Amplitude, as a part of the speed."""
+    """Amplitude of the ripple, as a part of the speed [1]."""
     ripples_per_unit: NonNegative = 0.0
-    """Ripple periods per rad or m: its frequency is a multiple of the speed."""
+    """Periods of the ripple per movement [1/rad or 1/m]: its frequency is a multiple of the speed."""
     clip: Annotated[tuple[Finite, Finite], Field(strict=False)] = (-10.0, 10.0)
-    """[V]"""
+    """Lowest and highest voltage [V]."""
 
 
 class CrankTruth(BaseModel):
     """Geometry of a cylinder that turns a crank; lengths in m."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     base: Positive
+    """From the crank's axis to the cylinder's fixed pivot [m]."""
     rod: Positive
-    """Between the pivots, at stroke 0."""
+    """Between the pivots, at stroke 0 [m]."""
     arm: Positive
+    """From the crank's axis to the rod's pivot [m]."""
     zero: Finite = 0.0
-    """Stroke at angle 0."""
+    """Stroke at angle 0 [m]."""
     sign: Literal[1, -1] = 1
+    """-1 where the angle falls as the cylinder extends."""
 
 
 class TableTruth(BaseModel):
     """Strokes [m] and the angles [rad] that they make; straight lines between and beyond."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     stroke: Annotated[list[Finite], Field(min_length=2)]
+    """Ascending strokes [m]."""
     angle: Annotated[list[Finite], Field(min_length=2)]
+    """The angles that they make, ascending [rad]."""
 
     @model_validator(mode="after")
     def _ascends(self) -> TableTruth:
@@ -115,8 +126,9 @@ class LinearScaleTruth(SensorTruth):
 
     kind: Literal["linear_scale"]
     scale: Finite = 1.0
-    """Channel's number per m."""
+    """Channel's number per stroke [1/m]."""
     offset: Finite = 0.0
+    """Channel's number at stroke 0 [channel's unit]."""
     crank: CrankTruth | None = None
     table: TableTruth | None = None
 

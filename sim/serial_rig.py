@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import select
 import time
 import tty
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import serial
 
 from drivers.base import DriverError
+from drivers.serial_arrivals import Arrivals
 from drivers.serial_codec import ascii_numbers, numbers_of
 from sim.faults import FaultLine, Frame
 from sim.rig_end import RigEnd, compile_plant, serve
@@ -51,6 +51,7 @@ class Port:
         self._baud = options.baud
         self._own = own
         self._slave = -1
+        self._arrivals: Arrivals | None = None
         self._real: serial.Serial | None = None
 
     def open(self) -> None:
@@ -67,6 +68,7 @@ class Port:
                 self.fd = self._real.fileno()
         except OSError as error:
             raise DriverError(f"cannot open {self._own or self._link}: {error}") from error
+        self._arrivals = Arrivals(self.fd)
 
     def _make(self) -> None:
         if self._link.exists() and not self._link.is_symlink():
@@ -79,6 +81,9 @@ class Port:
 
     def close(self) -> None:
         """Give it back; may be called twice."""
+        if self._arrivals is not None:
+            self._arrivals.close()
+            self._arrivals = None
         if self._real is not None:
             self._real.close()
             self._real = None
@@ -88,8 +93,17 @@ class Port:
             os.close(self._slave)
         self.fd = -1
 
+    def wait(self, timeout: float) -> bool:
+        """Whether something comes within `timeout` [s]; a port that is unplugged only waits."""
+        if self._arrivals is None:
+            time.sleep(timeout)
+            return False
+        return self._arrivals.wait(timeout)
+
     def read(self) -> bytes:
         """All that came."""
+        if self._arrivals is None or not self._arrivals.taken():
+            return b""
         try:
             return os.read(self.fd, CHUNK)
         except OSError:  # nothing there, or nobody has the other end
@@ -181,10 +195,7 @@ class SerialRig(RigEnd):
         if now >= self._plug_at:
             self._plug_at = math.inf
             self._port.open()
-        patience = self._patience(now, until)
-        if self._port.fd < 0:
-            time.sleep(patience)
-        elif select.select([self._port.fd], [], [], patience)[0]:
+        if self._port.wait(self._patience(now, until)):
             data = self._port.read()
             self._answer(self.board.receive(data, self._clock()))
         return self._clock()

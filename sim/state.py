@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim.compiled import Record, compiled
-from sim.physics import dry_friction, rippled
+from sim.physics import dry_friction, encoded
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -32,10 +33,14 @@ STATE = np.dtype(
             "stopped",  # -1, 1: it lies at the low, the high end stop
             "supply",  # [1] supply pressure over its nominal value
             "warmth",  # [K] temperature above its nominal value
+            "force",  # [unit of f] what the channel of a measured disturbance shows
             "level",  # [unit] threshold that the measurement is watched for
             "rate",  # [unit/s] at which the threshold moves
             "watch",  # -1, 1: the measurement falls below, rises above the threshold; 0: nothing is watched
             "passed",  # 1: it did, and the integration ended there
+            "reading",  # [unit, unit/s] the last that was taken, where the sensor holds it
+            "taken",  # [s] when
+            "steps",  # Runge-Kutta steps so far: what the simulation costs
         )
     ]
 )
@@ -53,10 +58,11 @@ def rest(p: Record, s: Record, t: float, position: float) -> None:
     s.motion = 0.0 if dry_friction(p) else 1.0
     s.stopped = 0.0
     s.supply = 1.0
-    s.warmth = 0.0
+    s.warmth = s.force = 0.0
     s.watch = s.passed = 0.0
+    s.reading, s.taken = 0.0, -math.inf
     s.followed = position
-    s.lagged = 0.0 if p.measures_speed else rippled(p, position)
+    s.lagged = 0.0 if p.measures_speed else encoded(p, position)
 
 
 def new_state(record: npt.NDArray[np.void], t: float = 0.0, position: float = 0.0) -> npt.NDArray[np.void]:

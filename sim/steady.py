@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from sim.valve_map import ValveMap
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
@@ -177,13 +179,15 @@ def _command(p: Mapping[str, float], opening: float, side: float, direction: flo
     """The command [V] that makes an opening on this side, come from the other side of its hysteresis."""
     beyond = opening / (1.0 + side * p["asymmetric_gain_ratio"])
     overlap = side * p["valve_deadband_half_width"] if opening or direction else 0.0
-    return beyond + overlap + p["null_shift_voltage"] + direction * p["valve_hysteresis_half_width"]
+    worth = beyond + overlap + p["null_shift_voltage"] + direction * p["valve_hysteresis_half_width"]
+    return ValveMap(p).command(worth)
 
 
 def _opening(p: Mapping[str, float], volts: float, direction: float) -> tuple[float, float]:
     """What a command opens [V], and the valve's side."""
     limit, overlap = p["valve_saturation_limit"], p["valve_deadband_half_width"]
-    spool = min(max(volts, -limit), limit) - direction * p["valve_hysteresis_half_width"]
+    worth = ValveMap(p).worth(min(max(volts, -limit), limit))
+    spool = worth - direction * p["valve_hysteresis_half_width"]
     from_centre = spool - p["null_shift_voltage"]
     side = _sign(from_centre or direction)
     beyond = max(0.0, abs(from_centre) - overlap)

@@ -67,14 +67,32 @@ def _within_bristles(p: Record, s: Record, longest: float) -> float:
 
 @compiled
 def _next_edge(p: Record, s: Record) -> float:
-    """When the spool next passes an edge of its overlap, where the flow has a kink [s]; inf: never."""
-    lag = p.valve_lag_time
-    if lag == 0.0:
+    """When the spool next has a kink in its flow or its way [s]; inf: never.
+
+    At an edge of its overlap, and where it no longer goes as fast as it can.
+    """
+    if not physics.spool_moves(p):
         return math.inf
     nearest = math.inf
+    if p.valve_rate_limit_rate < math.inf:
+        ramp = physics.ramps_for(p, s)
+        if ramp > 1e-9 * p.valve_lag_time:
+            nearest = ramp
     for side in (-1.0, 1.0):
         edge = p.null_shift_voltage + side * p.valve_deadband_half_width
         before, after = s.spool - s.target, edge - s.target
         if before * after > 0.0 and abs(after) < abs(before) * (1.0 - 1e-9):
-            nearest = min(nearest, lag * math.log(before / after))
+            nearest = min(nearest, _passes(p, abs(before), abs(after)))
     return nearest
+
+
+@compiled
+def _passes(p: Record, before: float, after: float) -> float:
+    """When the spool, `before` [V] from its target, is no more than `after` from it [s]."""
+    lag, rate = p.valve_lag_time, p.valve_rate_limit_rate
+    if rate == math.inf:
+        return lag * math.log(before / after)
+    knee = rate * lag
+    if after >= knee:
+        return (before - after) / rate
+    return max(0.0, before - knee) / rate + lag * math.log(min(before, knee) / after)

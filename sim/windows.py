@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.compiled import Record, compiled, inlined
 from sim.kernel import advance, command, measured
-from sim.physics import dry_friction, friction_level, rippled, spool_at
+from sim.physics import dry_friction, encoded, friction_level, spool_at
 from sim.runs import condition
 
 Array = np.ndarray
@@ -38,6 +38,7 @@ def follow_windows(
     t: Array,
     supply: Array,
     warmth: Array,
+    force: Array,
     first: Array,
     last: Array,
     start: Array,
@@ -56,6 +57,7 @@ def follow_windows(
         t: Times of samples [s], ascending, shape (n,).
         supply: Supply pressure over nominal, shape (n,) or (0,).
         warmth: Temperature above nominal [K], shape (n,) or (0,).
+        force: What is measured of a disturbance, shape (n,) or (0,).
         first: First row of each window, ascending, shape (w,).
         last: Row after its last, at most the next window's first.
         start: Initial states, `START`, shape (w, 7).
@@ -70,7 +72,7 @@ def follow_windows(
         _begin(p, v, s, start[w])
         given = reached
         for k in range(first[w], last[w]):
-            condition(s, supply, warmth, k)
+            condition(s, supply, warmth, force, k)
             given = _load(p, s, t_u, u, given, t[k])
             y[k] = measured(p, s)
             if len(inside):
@@ -98,8 +100,11 @@ def _valve(p: Record, v: Record, t_u: Array, u: Array, reached: int, t: float) -
 
 @compiled
 def _forgotten(p: Record, t_u: Array, reached: int, t: float) -> int:
-    """The first command, from `reached` on, that the valve's state at `t` depends on; play forgets none."""
-    if p.valve_hysteresis_half_width > 0.0:
+    """The first command, from `reached` on, that the valve's state at `t` depends on.
+
+    Play forgets none, nor does a spool of limited speed, which may never reach its target.
+    """
+    if p.valve_hysteresis_half_width > 0.0 or p.valve_rate_limit_rate < math.inf:
         return reached
     since = t - p.transport_delay_time - MEMORY * p.valve_lag_time
     return max(reached, np.searchsorted(t_u, since, "right") - 1)
@@ -129,7 +134,7 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
     s.followed = s.position - math.copysign(1.0, s.velocity) * (0.5 * p.backlash_gap - loose)
     steady = s.velocity - p.sensor_lag_time * s.pressure
     if not p.measures_speed:
-        steady = rippled(p, s.followed) - p.sensor_lag_time * s.velocity
+        steady = encoded(p, s.followed) - p.sensor_lag_time * s.velocity
     s.lagged = steady + start[5]
 
 
