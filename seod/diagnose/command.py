@@ -1,177 +1,196 @@
-"""From recordings to a diagnosis: baseline, causes, what they gain, what is left."""
+"""`seod diagnose`: recordings in, a table or JSON out, and a folder with report and extended rig file."""
 
 from __future__ import annotations
 
-import time
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+import json
+import math
+import shlex
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.begin import Begun, baseline, scales
-from seod.diagnose.budget import Budget, further_s
-from seod.diagnose.choose import Choice, choose
-from seod.diagnose.column_check import gain_remarks
-from seod.diagnose.conclude import Found, answered, trimmed
-from seod.diagnose.defects import examine
-from seod.diagnose.fit import fit
-from seod.diagnose.halves import finer, one_sided
-from seod.diagnose.judge import Judged
-from seod.diagnose.name import Chosen, found_effects
-from seod.diagnose.ramped import ramped_instead
-from seod.diagnose.rated import rated
-from seod.diagnose.roots import roots
-from seod.diagnose.score import held_out
-from seod.diagnose.screen import screen
-from seod.diagnose.select import grow
-from seod.diagnose.states import simulated_states
-from seod.diagnose.windows import cut, pieces, series
+from seod.config.load import load_rig
+from seod.config.units import UNITS
+from seod.data import read
+from seod.data.units import BASE
+from seod.diagnose import pipeline
+from seod.diagnose.pipeline import diagnose
+from seod.diagnose.record.daemon_part import telling_part
+from seod.diagnose.report.files import REPORT, RIG, write
+from seod.diagnose.report.text import as_text
+from seod.diagnose.result import RELEVANCE, DiagnoseError
+from seod.diagnose.show.bootstrap import with_intervals
+from seod.terminal.progress import bar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Sequence
+    from pathlib import Path
 
     from seod.config.model import RigConfig
     from seod.data import Recording
-    from seod.diagnose.answer import Diagnosis, Output
-    from seod.diagnose.fit import Each
-    from seod.diagnose.screen import Screen
-    from seod.diagnose.windows import Cut, Series
+    from seod.diagnose.pipeline import Progress
+    from seod.diagnose.record.daemon_part import Part
+    from seod.diagnose.result import Diagnosis, Hold, Output
+    from seod.diagnose.search.budget import Effort
 
-    Progress = Callable[[str, float], None]
+_LEFT_OUT: Final = (
+    "duplicate",
+    "decreasing",
+    "infinite",
+    "several_commands",
+    "truncated",
+    "damaged",
+    "unread",
+    "unit",
+)
+"""Problems of a file that the search for defects does not see, because the reader has left these rows out."""
+_SPEEDS: Final = ("angular speed", "speed")
 
-MOSTLY_NOISE: Final = 0.7
-"""NRMSE of noise alone from which on nothing can be told."""
-WORKERS: Final = 2
 
+class Options(NamedTuple):
+    """Options of the command; `rig` is a rig file and what it says."""
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the user tells.
-
-    Attributes:
-        output: What `y` is.
-        config: The rig whose model is the baseline; None: Eq. 1.
-        axis: Of that rig; None: its first.
-        search_s: Processor time after which no further cause is tried [s]; None: by the recordings' length.
-    """
-
-    output: Output = "position"
-    config: RigConfig | None = None
+    holdout: Sequence[Path] = ()
+    rig: tuple[Path, RigConfig] | None = None
+    out: Path | None = None
     axis: str | None = None
-    search_s: float | None = None
+    output: Output | None = None
+    columns: str = ""
+    units: str = ""
+    between: tuple[float, float] | None = None
+    as_json: bool = False
+    effort: Effort = "normal"
+    hold: Hold = "zero"
+    gain: float | None = None
+    delay: float | None = None
+    relevance: float = RELEVANCE
 
 
-def diagnose(
-    recordings: Sequence[Recording],
-    holdout: Sequence[Recording] = (),
-    options: Options | None = None,
-    progress: Progress = lambda _what, _part: None,
-    clock: Callable[[], float] = time.process_time,
-) -> Diagnosis:
-    """Find what Eq. 1, or a rig's model, gets wrong in recordings.
-
-    Args:
-        recordings: At least one.
-        holdout: Further ones, that no fit sees.
-        options: See there.
-        progress: Called with what is being done and the part of all work that is.
-        clock: Tells the processor time used so far [s].
+def run(paths: Sequence[Path], options: Options) -> str:
+    """The answer as it is printed; writes the folder if one is wished.
 
     Raises:
+        ReadError: A file cannot be read.
         DiagnoseError: A recording tells nothing.
+        OSError: The folder cannot be written.
     """
-    wishes = options or Options()
-    sees_speed = wishes.output == "velocity"
-    rows = sum(len(each.t) for each in recordings)
-    own = Budget(clock, further=further_s(rows))
-    budget = own if wishes.search_s is None else Budget(clock, wishes.search_s)
-    rig = rated(wishes.config, wishes.axis)
-    checked = [examine(each) for each in (*recordings, *holdout)]
-    every = [
-        series(
-            each, defects.bad, sees_speed=sees_speed, step=defects.step, late=defects.late, **rig.conditions
-        )
-        for each, defects in zip((*recordings, *holdout), checked, strict=True)
+    parts = [None if options.between else _part(path, options.axis) for path in paths]
+    recordings = [
+        _read(path, options, part[:2] if part else options.between)
+        for path, part in zip(paths, parts, strict=True)
     ]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        way = _Way(sees_speed, rig.effects, pool.map, budget, progress)
-        progress("fitting Eq. 1", 0.0)
-        start = _start(every, len(holdout), way)
-        found = _search(start, way)
-        if any(each.name == "outliers" for defects in checked for each in defects.found):
-            found = trimmed(found)
-    progress("comparing", 0.9)
-    answer = answered(found, start.to_fit, start.aside, checked, wishes.output)
-    name = str(recordings[0].paths[0])
-    remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
-    answer = replace(answer, remarks=(*answer.remarks, *remarks, *budget.remarks))
-    progress("done", 1.0)
-    return answer
+    holdout = [_read(path, options) for path in options.holdout]
+    config = options.rig[1] if options.rig is not None else None
+    asked = pipeline.Options(
+        options.output or (output_of(recordings[0], config, options.axis) if config is not None else None),
+        config,
+        options.axis,
+        options.effort,
+        options.hold,
+        options.gain,
+        options.delay,
+        output_of(recordings[0], config, options.axis),
+        options.relevance,
+    )
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
+    with bar() as progress:
+        d = with_intervals(_diagnosed(recordings, holdout, asked, progress))
+    d = replace(d, remarks=(*_cut_short(paths, parts), *d.remarks))
+    unit = unit_of(recordings[0], d.output, config, options.axis)
+    told = [] if options.as_json else [as_text(d, unit)]
+    if options.out is not None:
+        rig = None
+        if options.rig is not None:
+            rig = (*options.rig, options.axis or next(iter(options.rig[1].axes)))
+        missing = write(options.out, d, unit, [*recordings, *holdout], rig, command_line(paths, options))
+        told += [f"! {each}" for each in missing] if not options.as_json else []
+        told += [] if missing or options.as_json else [_written(options.out)]
+    return json.dumps(d.as_json()) if options.as_json else "\n".join(told)
 
 
-class _Way(NamedTuple):
-    """How it is searched: `known` are effects of the rig's model."""
-
-    sees_speed: bool
-    known: Mapping[str, Mapping[str, float]]
-    each: Each
-    budget: Budget
-    progress: Progress
-
-
-class _Start(NamedTuple):
-    """Where causes are searched: windows to fit, windows held out, and Eq. 1 on them."""
-
-    to_fit: Cut
-    aside: Cut
-    screened: Screen
-    begun: Begun
-    base: Judged
-
-
-def _start(every: Sequence[Series], whole: int, way: _Way) -> _Start:
-    """With so many windows that both halves show what Eq. 1 does not, if there are such."""
-    usual = _started(*cut(every, whole), way)
-    fitted = usual.base.found
-    if one_sided(Judged.of(fitted, usual.to_fit).held, usual.base.held):
-        others = finer(every, whole, fitted)
-        if others is not None:
-            return _started(*others, way)
-    return usual
+def command_line(paths: Sequence[Path], options: Options) -> str:
+    """The command that asks for this; what is as usual is left out."""
+    usual, rig = Options(), options.rig[0] if options.rig is not None else None
+    between = ":".join(f"{end:g}" if math.isfinite(end) else "" for end in options.between or ())
+    relevance = "" if options.relevance == usual.relevance else f"{100.0 * options.relevance:g}"
+    told = {
+        "--config": rig,
+        "--out": options.out,
+        "--axis": options.axis,
+        "--output": options.output,
+        "--gain": options.gain,
+        "--delay": options.delay,
+        "--hold": "" if options.hold == usual.hold else options.hold,
+        "--columns": options.columns,
+        "--units": options.units,
+        "--between": between,
+        "--effort": "" if options.effort == usual.effort else options.effort,
+        "--relevance": relevance,
+    }
+    words = ["seod", "diagnose", *map(str, paths)]
+    words += [word for each in options.holdout for word in ("--holdout", str(each))]
+    words += [word for name, value in told.items() if value not in (None, "") for word in (name, str(value))]
+    return shlex.join([*words, *(["--json"] if options.as_json else [])])
 
 
-def _started(to_fit: Cut, aside: Cut, way: _Way) -> _Start:
-    small = pieces(to_fit)
-    screened = screen(small, way.each, way.budget)
-    begun = baseline(screened.cut, way.sees_speed, way.known, way.each)
-    first = begun.best
-    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=way.each)
-    plain = held_out(base.model, base.x, aside)
-    if plain.floor > MOSTLY_NOISE:
-        raise DiagnoseError(
-            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
-            "a diagnosis needs a movement"
-        )
-    return _Start(to_fit, aside, screened.watching(base), begun, Judged(base, plain))
+def _read(path: Path, options: Options, between: tuple[float, float] | None = None) -> Recording:
+    of_rig = options.rig is not None
+    return read(path, options.columns, options.units, options.axis, between=between, of_rig=of_rig)
 
 
-def _search(start: _Start, way: _Way) -> Found:
-    to_fit, aside, screened, begun, base = start
-    small, progress = pieces(to_fit), way.progress
-    sizes = scales(begun.near, begun.near.cut)
-    if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
-        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
-    starts = roots(base.found, begun, sizes, screened)
-    progress("trying causes", 0.1)
-    grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
-    progress("fitting the best", 0.6)
-    choice = choose(base, grown, small, aside, screened)
-    ramped = ramped_instead(choice.best.found, way.sees_speed)
-    if ramped is not None:
-        choice = Choice(choice.base, choice.base, {})
-    progress("measuring the gain", 0.8)
-    chosen = Chosen(choice.best.found, choice.without, choice.best.held)
-    effects = found_effects(chosen, screened, grown.tried)
-    seen = Judged.of(chosen.found, to_fit).held
-    said = () if ramped is None else (ramped.said,)
-    return Found(choice.base.found, choice.base.held, chosen, seen, tuple(effects), grown, remarks=said)
+def _part(path: Path, axis: str | None) -> Part | None:
+    return telling_part(path, axis) if path.suffix == ".mcap" else None
+
+
+def _cut_short(paths: Sequence[Path], parts: Sequence[Part | None]) -> list[str]:
+    """What is said of recordings that are diagnosed in part."""
+    return [
+        f"{path.name}: {part.why} from t = {part.start:.2f} s{_until(part.end)}: only that is diagnosed; "
+        "--between FROM:TO takes another part"
+        for path, part in zip(paths, parts, strict=True)
+        if part is not None
+    ]
+
+
+def _until(end: float) -> str:
+    return f" to {end:.2f} s" if math.isfinite(end) else " on"
+
+
+def _diagnosed(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    options: pipeline.Options,
+    progress: Progress,
+) -> Diagnosis:
+    """The diagnosis, with what reading the files has left out."""
+    every = (*recordings, *holdout)
+    remarks = tuple(str(each) for one in every for each in one.problems if each.kind in _LEFT_OUT)
+    try:
+        d = diagnose(recordings, holdout, options, progress)
+    except DiagnoseError as error:
+        raise DiagnoseError("; ".join([str(error), *remarks])) from error
+    return replace(d, remarks=(*remarks, *d.remarks))
+
+
+def output_of(recording: Recording, config: RigConfig | None, axis: str | None) -> Output:
+    """What y is where nobody says it: by its unit, then by the rig file's axis; else a position."""
+    dimension = UNITS.get(recording.units.get("y", ""), ("", 0.0))[0]
+    if dimension and dimension != "number":
+        return "velocity" if dimension in _SPEEDS else "position"
+    return "position" if config is None else config.axes[axis or next(iter(config.axes))].mode
+
+
+def unit_of(recording: Recording, output: Output, config: RigConfig | None, axis: str | None) -> str:
+    """Of y: as the file tells it, or in SI by the rig file's sensor; `unit` where nobody does."""
+    speed = "/s" if output == "velocity" else ""
+    if config is not None and not recording.units.get("y"):
+        own = config.axes[axis or next(iter(config.axes))]
+        base = BASE.get(config.sensors[own.sensor].dimension, "unit")
+        return f"{base.removesuffix('/s')}{speed}"
+    return recording.units.get("y", "") or f"unit{speed}"
+
+
+def _written(out: Path) -> str:
+    port = load_rig(out / RIG).server.port
+    rig = f"{out / RIG}: the extended rig, for `seod run` (port {port}) and `seod simulate`"
+    return f"{out / REPORT}: the report; {rig}"

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from seod.diagnose.causes.table import MIRRORED
 from sim.effects import parameter
 from sim.parameters import nulls
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 Effects = dict[str, dict[str, float]]
 
 _DIGITS: Final = 7
-_MIRRORED: Final = ("asymmetric_gain.ratio", "null_shift.voltage")
-"""Parameters that turn their sign with that of the command."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Model:
         if self.K_L > 0.0:
             return self
         return replace(
-            self, K_L=-self.K_L, effects=self._scaled(lambda place: -1.0 if place in _MIRRORED else 1.0)
+            self, K_L=-self.K_L, effects=self._scaled(lambda place: -1.0 if place in MIRRORED else 1.0)
         )
 
     def in_units_of(self, slope: float, per_volt: float) -> Model:

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
     from seod.diagnose.extend.seen import Seen
 
 _TEMPLATE: Final = Path(__file__).parent / "rig_template.yaml"
+ASIDE: Final = 10
+"""Added to the port of the user's own rig file: the daemon of the measured rig may be running."""
 _RATES: Final = (100.0, 10_000.0)
 """Of the loop [Hz]."""
 
 
 def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
-    """The rig file with the model in its simulated plant; comments and all else stay.
+    """The rig file with the model in its simulated plant and a port aside; comments and all else stay.
 
     Args:
         text: The rig file; it has a `simulation:` section.
@@ -45,7 +47,10 @@ def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
         told["effects"].pop(name, None)  # the plant's `sensor` has it
     plants = config.simulation.plants if config.simulation else {}
     plant = next(name for name, each in plants.items() if each is view.plant)
-    return edited(text, {("simulation", "plants", plant, key): each for key, each in told.items()})
+    places: dict[KeyPath, object] = {("simulation", "plants", plant, key): each for key, each in told.items()}
+    if config.server.port:
+        places["server", "port"] = config.server.port + ASIDE
+    return edited(text, places)
 
 
 def new_rig_file(model: Model, found: Seen, speed: bool, source: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from html import escape
+from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,7 +23,11 @@ BEFORE: Final = "#d1495b"
 AFTER: Final = "#1b6ca8"
 FLOOR: Final = "#8a8a8a"
 """Colours of the whole report: measurement, baseline, extended model, noise."""
-_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 40.0, 40.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 12.0, 40.0
+_LINE: Final = 15.0
+"""Height of a line of the title or the legend."""
+_TITLE_LETTER, _LEGEND_LETTER, _LEGEND_SPACE = 6.9, 6.0, 38.0
+"""Width of a letter, and of a legend's line with the space about it: of the widest of usual fonts."""
 _COLUMNS: Final = 700
 """Columns of pixels that a dense line is thinned to: of each its lowest and highest point."""
 
@@ -60,23 +65,62 @@ class Chart:
         inside = "".join(_drawn(curve, across, up) for curve in self.curves)
         return _picture(self, across, up, inside + self._legend())
 
+    def wide(self) -> str:
+        """A wide chart: where the page is narrow it is scrolled, not made too small to read."""
+        return f'<div class="scroll wide">{self.svg()}</div>'
+
+    @property
+    def head(self) -> float:
+        """Height of title and legend."""
+        rows = len(wrapped(self.title, self.width)) + len(self._legend_rows())
+        return _TOP + _LINE * rows
+
+    @property
+    def full_height(self) -> float:
+        """With as many lines of title and legend as there are."""
+        return self.height + max(0.0, self.head - _TOP - 2.0 * _LINE)
+
     def _scales(self) -> tuple[Scale, Scale]:
         ends = [curve.to for curve in self.curves if curve.to is not None]
         across = covering((c.x for c in self.curves), _LEFT, self.width - _RIGHT, self.log_x)
         heights = [*(c.y for c in self.curves), *ends]
-        return across, covering(heights, self.height - _BOTTOM, _TOP, self.log_y)
+        return across, covering(heights, self.full_height - _BOTTOM, self.head, self.log_y)
+
+    def _legend_rows(self) -> list[list[Curve]]:
+        """Curves with a label, as many in a row as there is room for."""
+        rows: list[list[Curve]] = []
+        room = 0.0
+        for curve in filter(lambda each: each.label, self.curves):
+            needs = _legend_width(curve)
+            if needs > room:
+                rows.append([])
+                room = self.width - _LEFT - _RIGHT
+            rows[-1].append(curve)
+            room -= needs
+        return rows
 
     def _legend(self) -> str:
-        parts, at = [], _LEFT
-        for curve in self.curves:
-            if curve.label:
+        parts, y = [], _TOP + _LINE * len(wrapped(self.title, self.width))
+        for row in self._legend_rows():
+            at = _LEFT
+            for curve in row:
                 parts.append(
-                    f'<line x1="{at + 4:.0f}" x2="{at + 20:.0f}" y1="{_TOP - 10}" y2="{_TOP - 10}" '
+                    f'<line x1="{at + 4:.0f}" x2="{at + 20:.0f}" y1="{y:.0f}" y2="{y:.0f}" '
                     f'stroke="{curve.colour}" stroke-width="2" stroke-dasharray="{curve.dash}"/>'
-                    f'<text x="{at + 24:.0f}" y="{_TOP - 6}" class="legend">{escape(curve.label)}</text>'
+                    f'<text x="{at + 24:.0f}" y="{y + 4:.0f}" class="legend">{escape(curve.label)}</text>'
                 )
-                at += 36 + 6.2 * len(curve.label)
+                at += _legend_width(curve)
+            y += _LINE
         return "".join(parts)
+
+
+def _legend_width(curve: Curve) -> float:
+    return _LEGEND_SPACE + _LEGEND_LETTER * len(curve.label)
+
+
+def wrapped(title: str, width: float) -> list[str]:
+    """Lines of a title that a picture of this width has room for."""
+    return wrap(title, max(10, int((width - _LEFT - _RIGHT) / _TITLE_LETTER)))
 
 
 @dataclass(slots=True)
@@ -102,8 +146,18 @@ class Map:
     def svg(self) -> str:
         """The picture."""
         across = Scale(self.x[0], self.x[-1], _LEFT, self.width - _RIGHT)
-        up = Scale(self.y[0], self.y[-1], self.height - _BOTTOM, _TOP)
+        up = Scale(self.y[0], self.y[-1], self.full_height - _BOTTOM, self.head)
         return _picture(self, across, up, "".join(self._cells(across, up)))
+
+    @property
+    def head(self) -> float:
+        """Height of the title."""
+        return _TOP + _LINE * len(wrapped(self.title, self.width))
+
+    @property
+    def full_height(self) -> float:
+        """With as many lines of title as there are."""
+        return self.height + max(0.0, self.head - _TOP - _LINE)
 
     def _cells(self, across: Scale, up: Scale) -> Iterator[str]:
         left, top = across.pixels(self.x), up.pixels(self.y)
@@ -125,14 +179,17 @@ def diverging(share: float) -> str:
 
 
 def _picture(of: Chart | Map, across: Scale, up: Scale, inside: str) -> str:
-    wide, high = of.width, of.height
+    wide, high, middle = of.width, of.full_height, 0.5 * (of.head + of.full_height - _BOTTOM)
+    title = "".join(
+        f'<text x="{_LEFT:.0f}" y="{16.0 + k * _LINE:.0f}" class="title">{escape(line)}</text>'
+        for k, line in enumerate(wrapped(of.title, wide))
+    )
     return (
         f'<svg viewBox="0 0 {wide:.0f} {high:.0f}" width="{wide:.0f}" height="{high:.0f}" role="img">'
-        f'<text x="{_LEFT:.0f}" y="16" class="title">{escape(of.title)}</text>'
-        f"{''.join(_grid(across, up))}{inside}"
+        f"{title}{''.join(_grid(across, up))}{inside}"
         f'<text x="{0.5 * (_LEFT + wide - _RIGHT):.0f}" y="{high - 6:.0f}" class="label" '
         f'text-anchor="middle">{escape(of.x_label)}</text>'
-        f'<text transform="translate(12 {0.5 * (_TOP + high - _BOTTOM):.0f}) rotate(-90)" class="label" '
+        f'<text transform="translate(12 {middle:.0f}) rotate(-90)" class="label" '
         f'text-anchor="middle">{escape(of.y_label)}</text></svg>'
     )
 

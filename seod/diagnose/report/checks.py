@@ -15,8 +15,8 @@ from seod.diagnose.show.spectra import autocorrelation, cross_correlation, spect
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.diagnose.answer import Array
     from seod.diagnose.report.pictures import Pictures
+    from seod.diagnose.result import Array
     from seod.diagnose.show.residual import Residual
     from seod.diagnose.show.spectra import Correlation
 

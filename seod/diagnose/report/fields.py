@@ -12,8 +12,8 @@ from seod.diagnose.show.acting import acting
 from seod.diagnose.show.maps import binned, explains, plane
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Array
     from seod.diagnose.report.pictures import Pictures
+    from seod.diagnose.result import Array
     from seod.diagnose.show.maps import Binned
 
 _FEW: Final = 4
@@ -22,12 +22,12 @@ _FEW: Final = 4
 
 def fields(p: Pictures) -> list[str]:
     """Residual force over the load's states, residual volts over pressures and command."""
-    base = p.base
-    velocity, position = f"velocity [{base}/s]", f"position [{base}]"
+    velocity, position = f"velocity [{p.units.speed}]", f"position [{p.units.position}]"
+    pressure = f"{p.load}, as acceleration [{p.units.acceleration}]"
     pictures = [
         _field(p, "Over velocity: a step at 0 is friction", velocity, "force", "velocity"),
         _field(p, "Over position: a slope is a spring, waves are ripple", position, "force", "position"),
-        _field(p, "Over load pressure: a bend is flow", f"load pressure [{base}/s²]", "volts", "pressure"),
+        _field(p, f"Over the {p.load}: a bend is flow, or a drive's limit", pressure, "volts", "pressure"),
         _field(p, "Over the command: a flat or a bend is the valve", "u [V]", "volts", "u"),
     ]
     if any(w.ps is not None for w in p.windows):
@@ -37,15 +37,15 @@ def fields(p: Pictures) -> list[str]:
 
 def planes(p: Pictures) -> list[str]:
     """Residual force over position and velocity, before and after, in the same colours."""
-    x, y, base = _states(p, "position"), _states(p, "velocity"), p.base
+    x, y, units = _states(p, "position"), _states(p, "velocity"), p.units
     tables = [(label, plane(x, y, np.concatenate([r.force for r in left]))) for label, _, left in p.models]
     values = np.abs(tables[0][1][2])
     most = float(np.nanquantile(values, 0.98)) if np.isfinite(values).any() else 1.0
     return [
         Map(
-            f"Residual force, {label} (full colour {most:.3g} {base}/s²)",
-            f"position [{base}]",
-            f"velocity [{base}/s]",
+            f"Residual force, {label} (full colour {most:.3g} {units.acceleration})",
+            f"position [{units.position}]",
+            f"velocity [{units.speed}]",
             *table,
             most or 1.0,
         ).svg()
@@ -98,7 +98,7 @@ def _acting(p: Pictures) -> Array | None:
 
 
 def _field(p: Pictures, title: str, x_label: str, kind: str, quantity: str) -> str:
-    label = "residual [V]" if kind == "volts" else f"residual force [{p.base}/s²]"
+    label = "residual [V]" if kind == "volts" else f"residual force [{p.units.acceleration}]"
     return bins(p, title, x_label, label, _states(p, quantity), kind)
 
 

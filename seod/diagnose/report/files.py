@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from seod import __version__
 from seod.config.errors import ConfigErrors
 from seod.config.load import load_text
 from seod.diagnose.extend.can_rig import DBC, checked, dbc, on_can
@@ -13,6 +15,7 @@ from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
 from seod.diagnose.report.page import page
+from seod.files.user_files import write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.data import Recording
-    from seod.diagnose.answer import Diagnosis
+    from seod.diagnose.result import Diagnosis
 
 REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml", "extended-can.yaml"
 """Names of the files."""
@@ -32,6 +35,7 @@ def write(
     unit: str,
     recordings: Sequence[Recording],
     rig: tuple[Path, RigConfig, str] | None,
+    command: str = "",
 ) -> list[str]:
     """Write all three; returns what could not be written, in sentences.
 
@@ -41,19 +45,34 @@ def write(
         unit: Of y.
         recordings: What it is of.
         rig: Rig file, what it says and the axis, if there is one.
+        command: By which it was asked for; "" where none was.
 
     Raises:
         OSError: A file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     sources = [path.name for recording in recordings for path in recording.paths]
-    (out / REPORT).write_text(page(d, unit, sources), "utf-8")
-    (out / ANSWER).write_text(json.dumps(d.as_json(), indent=1) + "\n", "utf-8")
+    write_text(out / REPORT, page(d, unit, sources, facts(recordings, command)))
+    write_text(out / ANSWER, json.dumps(d.as_json(), indent=1) + "\n")
     try:
         write_rig(out, d, recordings[0], rig)
     except (ValueError, ConfigErrors) as error:
         return [f"no extended rig file: {error}"]
     return []
+
+
+def facts(recordings: Sequence[Recording], command: str) -> list[tuple[str, str]]:
+    """What a page says of its run: date, version, command, and what the recordings are."""
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    told = [("made", f"{now} by seod {__version__}"), *([("command", command)] if command else [])]
+    return told + [("recording", _extent(each)) for each in recordings]
+
+
+def _extent(recording: Recording) -> str:
+    """Length and rate."""
+    names = ", ".join(path.name for path in recording.paths)
+    seconds = float(recording.t[-1] - recording.t[0])
+    return f"{names}: {seconds:.4g} s at {recording.rate_hz:.4g} Hz, {len(recording.t)} rows"
 
 
 def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> None:
@@ -67,10 +86,10 @@ def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, Ri
     if rig is not None and rig[1].simulation is not None:
         text = moved(text, rig[1], rig[0], out)
     config = load_text(text, RIG, out)
-    (out / RIG).write_text(text, "utf-8")
+    write_text(out / RIG, text)
     if rig is None or rig[1].simulation is None:
-        (out / DBC).write_text(dbc(config), "utf-8")
-        (out / CAN_RIG).write_text(checked(on_can(text, config.loop.rate_hz), out), "utf-8")
+        write_text(out / DBC, dbc(config))
+        write_text(out / CAN_RIG, checked(on_can(text, config.loop.rate_hz), out))
 
 
 def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> str:

@@ -12,8 +12,8 @@ from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Cu
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, Score, Whole
     from seod.diagnose.report.pictures import Pictures
+    from seod.diagnose.result import Array, Score, Whole
     from seod.diagnose.show.residual import Residual
 
 WIDE: Final = 940.0
@@ -37,7 +37,7 @@ def overlay(p: Pictures) -> str:
     if p.diagnosis.extends:
         curves.append(Curve(t, window.y_extended[piece], "extended", AFTER, 1.3, "5 3"))
     title = "A held-out window, simulated from its beginning: where the baseline is at its worst"
-    return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0).svg()
+    return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0).wide()
 
 
 def errors(p: Pictures) -> str:
@@ -48,7 +48,7 @@ def errors(p: Pictures) -> str:
     labels = {"baseline": "error of the baseline", "extended": "of the extended model"}
     curves = [Curve(t, left[at].error[piece], labels[label], colour, 1.0) for label, colour, left in p.models]
     curves.insert(0, Curve(t, -flat, "noise, two standard deviations", FLOOR, to=flat))
-    return Chart("", "t [s]", f"y - simulated [{p.unit}]", curves, WIDE, 200.0).svg()
+    return Chart("", "t [s]", f"y - simulated [{p.unit}]", curves, WIDE, 200.0).wide()
 
 
 def wholes(p: Pictures) -> list[str]:
@@ -67,7 +67,7 @@ def _whole(p: Pictures, k: int, one: Whole) -> str:
             curves.append(Curve(one.t, one.y - simulated, f"error of the {label}", colour, 1.0))
     which = f" ({k + 1} of {len(d.whole)})" if len(d.whole) > 1 else ""
     title = f"The whole recording{which} in one simulation from its commands alone"
-    return Chart(title, "t [s]", f"[{p.unit}]", curves, WIDE, 220.0).svg()
+    return Chart(title, "t [s]", f"[{p.unit}]", curves, WIDE, 220.0).wide()
 
 
 def over_blocks(p: Pictures) -> str:

@@ -16,33 +16,38 @@ from seod.diagnose.report.words import consequences, headline
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from seod.diagnose.answer import Diagnosis
+    from seod.diagnose.result import Diagnosis
 
 _HERE: Final = Path(__file__).parent
 
 
-def page(d: Diagnosis, unit: str, sources: Sequence[str]) -> str:
+def page(d: Diagnosis, unit: str, sources: Sequence[str], facts: Sequence[tuple[str, str]] = ()) -> str:
     """The report.
 
     Args:
         d: What is told; it has windows.
         unit: Of y.
         sources: Names of the recordings.
+        facts: What is known of the run, such as its date: names and texts.
     """
-    body = "".join(_sections(d, unit, sources))
+    body = "".join(_sections(d, unit, sources, facts))
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>Diagnosis of {escape(', '.join(sources))}</title><style>{_text('style.css')}</style>"
         f"</head><body>{body}</body></html>\n"
     )
 
 
-def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
+def _sections(
+    d: Diagnosis, unit: str, sources: Sequence[str], facts: Sequence[tuple[str, str]]
+) -> Iterator[str]:
     pictures = Pictures(d, unit)
     yield f"<h1>What the simulation gets wrong</h1><div class='sub'>{escape(', '.join(sources))}</div>"
+    yield _facts(facts)
     yield f'<div class="verdict {d.verdict}">{escape(headline(d))}</div>'
     yield figures(d, unit)
-    yield f"<ul>{''.join(f'<li>{escape(each)}</li>' for each in consequences(d))}</ul>"
+    yield f"<ul>{''.join(f'<li>{escape(each)}</li>' for each in consequences(d, unit))}</ul>"
     if d.next_experiment is not None and d.next_experiment.command:
         yield f"<pre>{escape(d.next_experiment.command)}</pre>"
     if d.effects:
@@ -57,6 +62,11 @@ def _sections(d: Diagnosis, unit: str, sources: Sequence[str]) -> Iterator[str]:
     if d.candidates:
         yield f"<h2>All causes that were tried</h2>{ranking(d)}"
     yield f"<h2>How to read this page</h2><p class='sub'>{_text('how_to_read.txt')}</p>"
+
+
+def _facts(facts: Sequence[tuple[str, str]]) -> str:
+    told = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in facts)
+    return f"<dl>{told}</dl>" if told else ""
 
 
 def _pair(pictures: Iterable[str]) -> str:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.report.chart import AFTER, BEFORE
+from seod.diagnose.report.units import Units
 from seod.diagnose.show.residual import Residual, residual, scored
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Diagnosis, Window
+    from seod.diagnose.result import Diagnosis, Window
 
 
 @dataclass
@@ -51,10 +52,15 @@ class Pictures:
         """Of the samples [s]."""
         return float(np.median(np.diff(self.windows[0].t)))
 
+    @cached_property
+    def units(self) -> Units:
+        """Of what is drawn."""
+        return Units.of(self.unit, self.diagnosis.output)
+
     @property
-    def base(self) -> str:
-        """Unit of the position."""
-        return self.unit.removesuffix("/s")
+    def load(self) -> str:
+        """What drives the load: a pressure where a supply pressure was recorded, else nobody knows what."""
+        return "load pressure" if any(w.ps is not None for w in self.windows) else "load force"
 
     def noise(self, window: Window) -> float:
         """Standard deviation of the samples' noise; nan where it is not known."""

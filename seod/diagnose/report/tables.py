@@ -6,25 +6,26 @@ import math
 from html import escape
 from typing import TYPE_CHECKING
 
-from seod.diagnose.report.words import interval, of_record, percent, what_it_is
-from seod.text import number, with_sd
+from seod.diagnose.report.units import Units
+from seod.diagnose.report.words import free_run, free_run_names, interval, of_record, percent, what_it_is
+from seod.terminal.text import number, with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.diagnose.answer import Diagnosis, FoundEffect, Score
+    from seod.diagnose.result import Diagnosis, FoundEffect, Score
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "") -> str:
     """HTML of cells that are escaped already."""
     top = "".join(f"<th>{cell}</th>" for cell in head)
     body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return f'<table class="{kind}"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
+    rows = f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody>"
+    return f'<div class="scroll"><table class="{kind}">{rows}</table></div>'
 
 
 def figures(d: Diagnosis, unit: str) -> str:
     """Errors and the plant's numbers, before and, if anything was found, after."""
-    base = escape(unit.removesuffix("/s"))
     models = [("baseline", d.baseline), ("extended", d.extended)][: 2 if d.extends else 1]
     told: list[tuple[str, Callable[[Score], str]]] = [
         ("held-out error (NRMSE)", _held_out),
@@ -32,9 +33,13 @@ def figures(d: Diagnosis, unit: str) -> str:
         ("noise floor", lambda _: percent(d.noise_floor_nrmse)),
         ("omega_n [rad/s]", lambda score: _value(score, "omega_n")),
         ("zeta", lambda score: _value(score, "zeta")),
-        (f"K_L [{base}/s/V]", lambda score: _value(score, "K_L")),
+        (f"K_L [{escape(Units.of(unit, d.output).gain)}]", lambda score: _value(score, "K_L")),
     ]
     rows = [[title, *(of(score) for _, score in models)] for title, of in told]
+    rows += [
+        [escape(which), *(free_run(score, k) for _, score in models)]
+        for k, which in enumerate(free_run_names(d, unit))
+    ]
     return table(["", *(name for name, _ in models)], rows, "figures")
 
 
@@ -66,8 +71,8 @@ def effects(d: Diagnosis, unit: str) -> str:
 
 
 def _effect(d: Diagnosis, effect: FoundEffect, unit: str) -> list[str]:
-    base = unit.removesuffix("/s")
-    values = [f"{escape(name)} = {escape(interval(p, base))}" for name, p in effect.parameters.items()]
+    units = Units.of(unit, d.output)
+    values = [f"{escape(name)} = {escape(interval(p, units))}" for name, p in effect.parameters.items()]
     gain = effect.gain
     told = [f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}", f"{100.0 * d.share(effect):.0f} %"]
     return [

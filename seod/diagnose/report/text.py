@@ -2,43 +2,67 @@
 
 from __future__ import annotations
 
-import io
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rich import box
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from seod.diagnose.report.words import consequences, headline, interval, of_record, percent
-from seod.text import number, with_sd
+from seod.diagnose.report.units import Units
+from seod.diagnose.report.words import (
+    consequences,
+    free_run,
+    free_run_names,
+    headline,
+    interval,
+    of_record,
+    percent,
+)
+from seod.terminal import console
+from seod.terminal.text import number, with_sd
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Diagnosis, Score
+    from seod.diagnose.result import Common, Diagnosis, Score
+MATTERS: Final = 0.9
+"""Error of the baseline with an offset and a delay over that without, up to which it is shown."""
 
 
 def as_text(d: Diagnosis, unit: str) -> str:
     """Verdict, figures before and after, causes, and what else there is to say."""
-    page = io.StringIO()
-    console = Console(file=page, width=110)
-    console.print(_figures(d))
-    if d.effects:
-        console.print(_effects(d, unit.removesuffix("/s")))
-    lines = [line.rstrip() for line in page.getvalue().splitlines()]
+    effects = [_effects(d, Units.of(unit, d.output))] if d.effects else []
+    tables = console.as_text(_figures(d, unit), _free_runs(d, unit), *effects, width=110)
     command = d.next_experiment.command if d.next_experiment is not None else ""
-    said = [f"! {sentence}" for sentence in consequences(d)]
-    return "\n".join([headline(d), *lines, *said, *([f"  {command}"] if command else [])]).rstrip()
+    said = [f"! {sentence}" for sentence in consequences(d, unit)]
+    return "\n".join([headline(d), tables, *said, *([f"  {command}"] if command else [])]).rstrip()
 
 
-def _figures(d: Diagnosis) -> Table:
+def _figures(d: Diagnosis, unit: str) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
-    for title in ("", "held-out error [95 %]", "whole", "omega_n [rad/s]", "zeta", "K_L"):
-        table.add_column(escape(title), justify="right" if title else "left", no_wrap=True)
+    gain = f"K_L [{Units.of(unit, d.output).gain}]"
+    for title in ("", "held-out error [95 %]", "whole", "omega_n [rad/s]", "zeta", gain):
+        table.add_column(title, justify="right" if title else "left", no_wrap=True)
     models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
     for title, score in models:
         table.add_row(title, *_score(score))
+        if score.common is not None and score.common.holdout_nrmse < MATTERS * score.holdout_nrmse:
+            table.add_row("with offset and delay", *_common(score.common))
     table.add_row("noise", percent(d.noise_floor_nrmse))
+    return table
+
+
+def _common(common: Common) -> list[str]:
+    values = (number(each, 5) for each in (common.omega_n, common.zeta, common.K_L))
+    return [percent(common.holdout_nrmse), "", *values]
+
+
+def _free_runs(d: Diagnosis, unit: str) -> Table:
+    """Errors of whole recordings, each in one simulation."""
+    table = Table(box=box.SIMPLE, pad_edge=False)
+    models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
+    for title in ("", *(name for name, _ in models)):
+        table.add_column(title, justify="right" if title else "left", no_wrap=True)
+    for k, which in enumerate(free_run_names(d, unit)):
+        table.add_row(which, *(free_run(score, k) for _, score in models))
     return table
 
 
@@ -49,10 +73,10 @@ def _score(score: Score) -> list[str]:
     values = [
         with_sd(getattr(score, name), 1.96 * score.sd.get(name, 0.0)) for name in ("omega_n", "zeta", "K_L")
     ]
-    return [escape(f"{percent(score.holdout_nrmse)}{wide}"), whole, *values]
+    return [f"{percent(score.holdout_nrmse)}{wide}", whole, *values]
 
 
-def _effects(d: Diagnosis, unit: str) -> Table:
+def _effects(d: Diagnosis, units: Units) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
     for title in ("cause", "parameter", "95 % interval", "error without it", "share", "p"):
         table.add_column(title)
@@ -61,6 +85,6 @@ def _effects(d: Diagnosis, unit: str) -> Table:
         first = [effect.name, *(["in no figure", "-"] if of_record(effect) else told)]
         rest = [*first[1:], number(effect.p_value, 2)]
         for k, (name, parameter) in enumerate(effect.parameters.items()):
-            row = [first[0] if k == 0 else "", name, interval(parameter, unit)]
+            row = [first[0] if k == 0 else "", name, interval(parameter, units)]
             table.add_row(*row, *(rest if k == 0 else []))
     return table

@@ -5,16 +5,33 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.text import number, with_sd
+from seod.diagnose.causes.table import CAUSES, sentence
+from seod.diagnose.fitting.held_out import ADEQUATE
+from seod.diagnose.report.units import Units
+from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.answer import Diagnosis, FoundEffect, Parameter, Score
+    from seod.diagnose.result import Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
 
 _LEAST: Final = 0.1
 """Change of zeta, omega_n or K_L that is one [%]."""
+GRADES: Final[dict[Grade, str]] = {
+    "useless": "the model foretells held-out windows no better than their mean, or than Eq. 1 alone",
+    "partly": "the model foretells a part of the movement",
+    "good_for_design": "held out it errs by 5 % at most, systematically by 2 % at most",
+    "down_to_noise": "nothing systematic is seen in what is left",
+}
+SHOWN_BY: Final[dict[Evidence, str]] = {
+    "nothing": "nothing",
+    "repetition": "what repeats with the command",
+    "black box": "a black box that foretells windows it has not seen",
+    "yardstick": "ARX or NARX, which come nearer",
+}
+OF_POSITION: Final = "(unit of position)"
+"""What stands for a position's unit in a cause's sentence."""
 _VAGUE: Final = 0.5
 """Standard deviation of zeta or omega_n, over its value, from which on neither is told."""
 
@@ -24,9 +41,9 @@ def headline(d: Diagnosis) -> str:
     missed, has = _listed(d, defects=False), _listed(d, defects=True)
     recording = f"; the recording has {has}" if has else ""
     if d.verdict == "clean":
-        return "Clean: the baseline explains the recording down to its noise."
+        return f"Clean: the baseline explains {_all_of(d, 'the recording')}."
     if not missed and d.verdict == "effects":
-        return f"The recording has {has}; but for that the baseline explains it down to its noise."
+        return f"The recording has {has}; but for that the baseline explains {_all_of(d, 'it')}."
     if not missed:
         what = "the baseline misses something that none of the known causes explains"
         return f"Unexplained: {what}{recording}."
@@ -34,6 +51,16 @@ def headline(d: Diagnosis) -> str:
     numbers = f"held-out error {before} before, {after} after, noise {percent(d.noise_floor_nrmse)}"
     rest = "" if d.verdict == "effects" else ", but that is not all"
     return f"The baseline misses {missed}{rest}: {numbers}{recording}."
+
+
+def _all_of(d: Diagnosis, what: str) -> str:
+    """How far nothing relevant is left of it."""
+    account = d.account
+    if account is None or d.adequacy < ADEQUATE:
+        return f"{what} down to its noise"
+    if account.systematic > 0.0:
+        return f"{what} but for {percent(account.systematic_nrmse)}, which is less than what counts"
+    return f"what repeats of {what}; {percent(d.extended.holdout_nrmse)} of the movement does not repeat"
 
 
 def of_record(effect: FoundEffect) -> bool:
@@ -46,11 +73,12 @@ def _listed(d: Diagnosis, *, defects: bool) -> str:
     return ", ".join(each.name for each in d.effects if of_record(each) is defects)
 
 
-def consequences(d: Diagnosis) -> Iterator[str]:
-    """What the effects did to zeta and omega_n, what cannot be told apart, and what is left."""
+def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
+    """What the effects did to zeta and omega_n, what cannot be told apart, and what is left (`unit` of y)."""
+    yield from _accounted(d)
     if d.effects:
         yield from _plant(d)
-    yield from _bristles(d)
+    yield from (each.replace(OF_POSITION, Units.of(unit, d.output).position) for each in _meant(d))
     for effect in d.effects:
         if effect.indistinguishable_from:
             others = ", ".join(effect.indistinguishable_from)
@@ -64,6 +92,34 @@ def consequences(d: Diagnosis) -> Iterator[str]:
         separates = ", ".join(plan.separates)
         yield f"Next experiment, to separate {separates}: {_closed(plan.input)} {_closed(plan.reason)}"
     yield from d.remarks
+
+
+def _accounted(d: Diagnosis) -> Iterator[str]:
+    """The grade, the three parts of the squared error, and what models without physics reach."""
+    account = d.account
+    if account is None:
+        return
+    yield f"Grade: {d.grade.replace('_', ' ')}: {GRADES[d.grade]}."
+    if d.yardstick is not None:
+        reached = f"ARX {percent(d.yardstick.arx)}, NARX {percent(d.yardstick.narx)}"
+        yield f"Without physics, over the same windows: {reached}."
+    parts = account.explained, account.systematic, account.not_repeatable
+    explained, systematic, rest = (f"{_rounded(100.0 * part)} %" for part in parts)
+    if not account.asked:
+        yield (
+            f"Of the baseline's squared error {explained} is explained. Of the rest nobody can tell what is "
+            "systematic: the command sweeps, no two windows are alike."
+        )
+        return
+    least = "at least " if account.systematic > 0.0 else ""
+    by = f" (shown by {SHOWN_BY[account.shown_by]})" if account.systematic > 0.0 else ""
+    yield (
+        f"Of the baseline's squared error {explained} is explained, {least}{systematic} systematic and "
+        f"unnamed{by}, {rest} not repeatable."
+    )
+    if account.noise_order and math.isfinite(account.noise_correlation_s):
+        memory = f"an autoregression of order {account.noise_order}"
+        yield f"What does not repeat is {memory}, alike over {number(account.noise_correlation_s)} s."
 
 
 def _closed(sentence: str) -> str:
@@ -83,12 +139,15 @@ def _plant(d: Diagnosis) -> Iterator[str]:
         yield f"Of the {models} model only omega_n / (2 zeta) is told: as good as a first-order lag."
 
 
-def _bristles(d: Diagnosis) -> Iterator[str]:
-    """How far friction gives way before it slides, where the extended model has it."""
-    stiffness = d.extended.effects.get("lugre_friction", {}).get("stiffness", 0.0)
-    if stiffness > 0.0:
-        way = d.extended.effects["coulomb_friction"]["level"] / stiffness
-        yield f"The friction gives way by {number(way)} (unit of position) before it slides: lugre_friction."
+def _meant(d: Diagnosis) -> Iterator[str]:
+    """What each cause means, and what acts beside one."""
+    effects = {name: values for name, values in d.extended.effects.items() if any(values.values())}
+    for effect in d.effects:
+        if effect.name in CAUSES:
+            yield f"{effect.name}: {sentence(effect.name, effects)}"
+    for name in effects:
+        if name in CAUSES and CAUSES[name].beside:
+            yield f"{name}: {sentence(name, effects)}"
 
 
 def _vague(score: Score) -> bool:
@@ -133,10 +192,10 @@ def what_it_is(effect: FoundEffect) -> str:
     return EFFECTS[effect.name].physics
 
 
-def interval(parameter: Parameter, unit: str) -> str:
-    """`812 ± 9 rad/s^2`, or the ends where they are not symmetric; `unit` stands for the plant's."""
+def interval(parameter: Parameter, units: Units) -> str:
+    """`812 ± 9 rad/s^2`, or the ends where they are not symmetric."""
     value, (low, high) = parameter.value, parameter.ci95
-    named = in_unit(parameter.unit, unit)
+    named = units.named(parameter.unit)
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{number(value)} {named}".strip()
     half = 0.5 * (high - low)
@@ -145,14 +204,33 @@ def interval(parameter: Parameter, unit: str) -> str:
     return f"{number(value)} [{number(low)}, {number(high)}] {named}".strip()
 
 
-def in_unit(text: str, unit: str) -> str:
-    """A unit of the table of effects, `unit` replaced by the plant's own."""
-    text = "" if text == "1" else text
-    return text.split(" (")[0].replace("unit", unit) if unit else text
-
-
 def percent(nrmse: float) -> str:
     """An NRMSE for people."""
     if not math.isfinite(nrmse):
         return "-"
     return f"{100.0 * nrmse:.3g} %"
+
+
+MOST_RUNS: Final = 4
+"""Recordings whose whole runs are told, at most."""
+
+
+def free_run_names(d: Diagnosis, unit: str) -> list[str]:
+    """What `free_run` tells, of each recording."""
+    runs = d.extended.free_runs[:MOST_RUNS]
+    names = []
+    for k, run in enumerate(runs):
+        which = f" {k + 1}" if len(runs) > 1 else ""
+        kind = ", held out" if run.unseen else ""
+        names.append(f"whole run{which}{kind} [{unit}], from a fitted start (measured start)")
+    return names
+
+
+def free_run(score: Score, k: int) -> str:
+    """Root mean squares of the error of one simulation of a whole recording."""
+    run = score.free_runs[k]
+    fitted, measured = (
+        number(each, 3) if math.isfinite(each) else "leaves it"
+        for each in (run.from_fitted, run.from_measured)
+    )
+    return f"{fitted} ({measured})"

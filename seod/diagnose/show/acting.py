@@ -13,7 +13,7 @@ from sim.runs import follow
 from sim.state import new_state
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Array, Diagnosis, Effects, Window
+    from seod.diagnose.result import Array, Diagnosis, Effects, Window
 
 _NOTHING = np.empty(0)
 
@@ -44,5 +44,6 @@ def _simulated(d: Diagnosis, window: Window, effects: Effects) -> Array:
     s["pressure"], s["velocity"] = window.pressure[0], window.velocity[0]
     y = np.empty(len(window.t))
     supply = _NOTHING if window.ps is None else window.ps
-    follow(p[0], s[0], window.t, window.u, window.t, _NOTHING, supply, _NOTHING, y)
+    force = _NOTHING if window.f is None else window.f
+    follow(p[0], s[0], window.t, window.u, window.t, _NOTHING, supply, _NOTHING, force, y)
     return y

@@ -12,7 +12,7 @@ from seod.diagnose.show.residual import scored
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array, Diagnosis, Window
+    from seod.diagnose.result import Array, Diagnosis, Window
 
 _DRAWS: Final = 2000
 _BLOCKS: Final = 20

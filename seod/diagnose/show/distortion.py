@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array
+    from seod.diagnose.result import Array
 
 _ALIKE: Final = 0.9
 """Autocorrelation of an input one period later, at least."""

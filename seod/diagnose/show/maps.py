@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Array
+    from seod.diagnose.result import Array
 
 _BINS: Final = 24
 _FEWEST: Final = 20

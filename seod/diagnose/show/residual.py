@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from seod.diagnose.answer import Array, Diagnosis, Mask, Output, Score, Window
+    from seod.diagnose.result import Array, Diagnosis, Mask, Output, Score, Window
 
 _BAND: Final = 4.0
 """Frequencies up to so many omega_n are looked at: above, differentiating shows the noise alone."""

@@ -11,7 +11,7 @@ from scipy.signal import welch
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.answer import Array
+    from seod.diagnose.result import Array
 
 _SEGMENT: Final = 2048
 """Longest piece of a spectrum [samples]."""

@@ -1,0 +1,96 @@
+"""The measured movement in three parts: explained, systematic but unnamed, and what does not repeat."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.left import Plant, left_of, mean_square
+from seod.diagnose.account.noise_colour import NoiseColour, colour
+from seod.diagnose.account.repeats import not_repeated, repeats
+from seod.diagnose.account.yardstick import beaten, yardstick
+from seod.diagnose.record.sweep import sweeps
+from seod.diagnose.result import Account, Yardstick
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.account.left import Left
+    from seod.diagnose.fitting.held_out import HeldOut
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.result import Evidence
+
+LOST: Final = 1e3
+"""NRMSE from which on a model has left the recording: of its residual nothing can be told."""
+
+
+class Shown(NamedTuple):
+    """How much of what is left is systematic, at least.
+
+    Attributes:
+        part: Of the squared error [0 to 1].
+        by: How it is known.
+        noise: Of the rest.
+        asked: The recording could have shown it: the command repeats, or windows are alike.
+    """
+
+    part: float
+    by: Evidence
+    noise: NoiseColour
+    asked: bool
+
+
+def accounted(
+    found: Fitted, seen: HeldOut, held: HeldOut, base: HeldOut
+) -> tuple[Account | None, Yardstick | None]:
+    """Parts of the baseline's squared error over the windows held out, and what models without physics reach.
+
+    The systematic part is the largest that is shown by what repeats with the command, by what a black box
+    foretells of windows that it has not seen, or by how much nearer ARX or NARX come: each is the least that
+    there is.
+
+    Args:
+        found: The extended model.
+        seen: Its simulation of the windows that were fitted.
+        held: Of those held out.
+        base: The baseline's of the same.
+    """
+    parts, own = left_of(seen, held_out=False), left_of(held, held_out=True)
+    if not own or not mean_square([*parts, *own]) > 0.0 or not max(base.nrmse, seen.nrmse, held.nrmse) < LOST:
+        return None, None
+    shown = systematic([*parts, *own], held.cut.series, Plant.of(found.model, found.x))
+    other = yardstick(seen.cut, held.cut)
+    if other is not None:
+        nearer = beaten(held, other)
+        if nearer.significant and nearer.square > shown.part * mean_square(own):
+            shown = shown._replace(part=min(1.0, nearer.square / mean_square(own)), by="yardstick")
+    remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0
+    account = Account(
+        explained=1.0 - remains,
+        systematic=shown.part * remains,
+        not_repeatable=(1.0 - shown.part) * remains,
+        systematic_nrmse=math.sqrt(shown.part) * held.nrmse,
+        shown_by=shown.by,
+        noise_order=shown.noise.order,
+        asked=shown.asked or shown.part > 0.0,
+        noise_correlation_s=shown.noise.correlation * held.cut.series[0].tick,
+    )
+    return account, None if other is None else Yardstick(other.arx, other.narx)
+
+
+def systematic(parts: Sequence[Left], every: Sequence[Series], plant: Plant) -> Shown:
+    """Of what is left of windows; 0 where it may be chance."""
+    again, box = repeats(every, parts), foretold(parts, plant)
+    asked = again is not None or (box is not None and not all(sweeps(one.t, one.u) for one in every))
+    total = mean_square([one for one in parts if one.held_out])
+    shown = Shown(0.0, "nothing", NoiseColour((), 0.0, 1.0), asked)
+    rest: Sequence[Left] = parts
+    if box is not None and box.share.significant:
+        shown = shown._replace(part=min(1.0, box.share.square / total), by="black box")
+        rest = box.rest
+    if again is not None and again.significant and again.square > shown.part * total:
+        shown = shown._replace(part=min(1.0, again.square / total), by="repetition")
+        rest = not_repeated(every, parts)
+    return shown._replace(noise=colour(rest))

@@ -1,0 +1,189 @@
+"""What command and state foretell of a residual: a linear model of many forces, tried window by window.
+
+The forces act on the load, the volts on the valve, of the fitted plant, so that what they do to the reading
+drifts as it does; further terms act on the reading itself. Ridge regression, each window foretold by a fit of
+the others.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+
+from seod.diagnose.account.left import PIECES, compared
+from seod.diagnose.account.noise_colour import colour
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.account.left import Left, Plant, Share
+    from seod.diagnose.result import Array
+
+RIDGES: Final = (1e-6, 1e-4, 1e-2, 1.0)
+"""Penalties that are tried, over the mean square of a column."""
+CORRELATIONS: Final = 2.0
+"""Correlation times in such a part, at least: shorter ones would not be independent."""
+SHARP: Final = 0.05
+"""Part of the largest speed or command at which its sign is taken for a step."""
+WAVES: Final = 4
+"""Half waves over the travel."""
+HINGES: Final = (0.25, 0.5, 0.75)
+"""Parts of the largest command, and pressure, from which on a further slope is tried."""
+LAGS: Final = (0.5, 1.0, 2.0)
+"""Earlier commands, in 1 / omega_n."""
+
+
+class Foretold(NamedTuple):
+    """What is foretold of windows which the fit has not seen.
+
+    Attributes:
+        share: Its mean square.
+        rest: What is left of the windows.
+    """
+
+    share: Share
+    rest: list[Left]
+
+
+def foretold(parts: Sequence[Left], plant: Plant) -> Foretold | None:
+    """Of the windows held out, each by a fit of all others; None of a single window.
+
+    Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
+    """
+    if len(parts) < 2 or not any(one.held_out for one in parts):
+        return None
+    sizes = sizes_of(parts)
+    weights = _weights([_products(_columns(one, plant, sizes)[one.scored]) for one in parts])
+    rest, before, after = [], [], []
+    for one, own in zip(parts, weights, strict=True):
+        columns = _columns(one, plant, sizes)
+        error = np.where(one.scored, columns[:, -1] - columns[:, :-1] @ own, 0.0)
+        rest.append(replace(one, error=error))
+        before.append(columns[:, -1] ** 2)
+        after.append(error**2)
+    scored = [one.scored for one in parts]
+    longest = float(np.mean([each.sum() for each in scored])) / (CORRELATIONS * colour(rest).correlation)
+    count = int(min(max(1.0, longest), math.ceil(PIECES / len(scored))))
+    every = compared(before, after, scored, count)
+    new = [k for k, one in enumerate(parts) if one.held_out]
+    share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
+    return Foretold(replace(share, score=every.score, limit=every.limit), rest)
+
+
+def _products(columns: Array) -> Array:
+    """Of a window's columns and residual, shape (p + 1, p + 1)."""
+    return np.asarray(columns.T @ columns)
+
+
+def _weights(products: Sequence[Array]) -> Array:
+    """Coefficients for each window by the others, shape (w, p); with the penalty that foretells best."""
+    tried = [_ridge(products, ridge) for ridge in RIDGES]
+    return tried[int(np.argmax([_gain(products, weights) for weights in tried]))]
+
+
+def _ridge(products: Sequence[Array], ridge: float) -> Array:
+    total = np.sum(products, axis=0)
+    size = np.sqrt(np.maximum(total.diagonal()[:-1], 1e-300))
+    found = []
+    for own in products:
+        others = total - own
+        scaled = others[:-1, :-1] / np.outer(size, size) + ridge * np.eye(len(size))
+        found.append(np.linalg.solve(scaled, others[:-1, -1] / size) / size)
+    return np.array(found)
+
+
+def _gain(products: Sequence[Array], weights: Array) -> float:
+    """What coefficients save of the sum of squares."""
+    pairs = zip(products, weights, strict=True)
+    return sum(float(2.0 * x @ own[:-1, -1] - x @ own[:-1, :-1] @ x) for own, x in pairs)
+
+
+def sizes_of(parts: Sequence[Left]) -> dict[str, float]:
+    """Largest values over all windows."""
+    names = ("u", "pressure", "velocity", "position")
+    return {
+        name: max(1e-300, *(float(np.max(np.abs(getattr(one, name)))) for one in parts)) for name in names
+    }
+
+
+def _columns(one: Left, plant: Plant, sizes: dict[str, float]) -> Array:
+    """All terms and the residual, without what a state at the window's beginning would do; (n, p + 1)."""
+    tick = float(np.median(np.diff(one.t)))
+    u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
+    angle = tick * plant.omega_n
+    forces = _through(_load(plant), _forces(p, v, x), angle)
+    volts = _through(_valve(plant), _volts(u, p, x, angle), angle)
+    columns = np.column_stack([*forces, *volts, *_readings(p, v, x), one.error])
+    kept = one.scored
+    basis, _ = np.linalg.qr(_free(len(one.t), plant, angle)[kept])
+    columns[kept] -= basis @ (basis.T @ columns[kept])
+    return columns
+
+
+def _forces(p: Array, v: Array, x: Array) -> list[Array]:
+    """What may brake the load."""
+    sign = np.tanh(v / SHARP)
+    waves = [wave(k * math.pi * x) for k in range(1, WAVES + 1) for wave in (np.cos, np.sin)]
+    return [
+        np.ones_like(v),
+        *(sign, sign * np.exp(-np.abs(v) / (4.0 * SHARP)), v, v * np.abs(v), v**3),
+        *(x, x * np.abs(x), x * x, x**3),
+        *(sign * x, sign * np.abs(p), v * x, v * x * x, v * p),
+        *waves,
+    ]
+
+
+def _volts(u: Array, p: Array, x: Array, angle: float) -> list[Array]:
+    """What may be added to the command."""
+    hinges = [np.sign(s) * np.maximum(np.abs(s) - part, 0.0) for s in (u, p) for part in HINGES]
+    rows = [min(max(1, round(lag / angle)), len(u) - 1) for lag in LAGS]
+    lagged = [np.r_[np.full(k, u[0]), u[:-k]] for k in rows]
+    change = np.gradient(p) / angle
+    return [
+        *(u, np.abs(u), u * np.abs(u), u * u, u**3, np.tanh(u / SHARP)),
+        *(np.abs(p), p * np.abs(p), p * p, p**3, u * p, np.abs(u) * p, u * np.abs(p), u * p * p),
+        *(u * x, p * x, change * x, change, change * np.abs(p)),
+        *hinges,
+        *lagged,
+    ]
+
+
+def _readings(p: Array, v: Array, x: Array) -> list[Array]:
+    """What may be added to the reading."""
+    waves = [wave(k * math.pi * x) for k in range(1, WAVES + 1) for wave in (np.cos, np.sin)]
+    return [np.tanh(v / SHARP), v, p, np.abs(v), np.abs(x), x * x, x**3, v * x, v * x * x, *waves]
+
+
+def _load(plant: Plant) -> tuple[Array, Array]:
+    """From a force against the load to the reading, but for a factor: -(s + 2 zeta) / (s^2 + ...) of Eq. 1.
+
+    Time is counted in 1 / omega_n.
+    """
+    return np.array([-1.0, -2.0 * plant.zeta]), _poles(plant)
+
+
+def _valve(plant: Plant) -> tuple[Array, Array]:
+    """Likewise from volts: Eq. 1."""
+    return np.ones(1), _poles(plant)
+
+
+def _poles(plant: Plant) -> Array:
+    poles = np.array([1.0, 2.0 * plant.zeta, 1.0])
+    return poles if plant.sees_speed else np.r_[poles, 0.0]
+
+
+def _through(transfer: tuple[Array, Array], inputs: Sequence[Array], angle: float) -> list[Array]:
+    """What inputs that are held between samples do, from rest; `angle` is omega_n times the interval."""
+    number, poles, _ = cont2discrete(transfer, angle)
+    return list(lfilter(number.ravel(), poles, np.array(inputs), axis=-1))
+
+
+def _free(n: int, plant: Plant, angle: float) -> Array:
+    """An offset, and movements of the plant that is left alone; shape (n, 3 or 4)."""
+    _, poles, _ = cont2discrete(_valve(plant), angle)
+    begins = np.eye(len(poles) - 1, n)
+    return np.column_stack([np.ones(n), *lfilter([1.0], poles, begins, axis=-1)])

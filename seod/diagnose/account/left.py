@@ -1,0 +1,136 @@
+"""What a model leaves of windows, each with the movement beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.stats import t as student
+
+from seod.diagnose.causes.base import BASE
+from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fitting.held_out import HeldOut
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.result import Array, Mask
+
+CHANCE: Final = 0.002
+"""Probability with which chance alone passes for something systematic; three ways are asked."""
+PIECES: Final = 24
+"""Parts of all windows whose squared errors are compared, if they are long enough."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """Eq. 1 of the model whose residual it is.
+
+    Attributes:
+        omega_n: Undamped natural frequency [rad/s].
+        zeta: Damping ratio.
+        sees_speed: `y` is a speed.
+    """
+
+    omega_n: float
+    zeta: float
+    sees_speed: bool
+
+    @classmethod
+    def of(cls, model: Model, x: Array) -> Plant:
+        """At searched numbers."""
+        _, omega_n, zeta = (model.values(x)[name] for name in BASE)
+        return cls(omega_n, zeta, model.sees_speed)
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What is left of one window; arrays of shape (n,).
+
+    Attributes:
+        file: Which recording.
+        t: [s].
+        u: Command [V].
+        error: Measured less simulated [unit of y].
+        scored: Rows that count.
+        pressure: Of the load, simulated, as the acceleration of the free load [unit/s^2].
+        velocity: Likewise [unit/s].
+        position: Likewise [unit].
+        held_out: No fit has seen it.
+    """
+
+    file: int
+    t: Array
+    u: Array
+    error: Array
+    scored: Mask
+    pressure: Array
+    velocity: Array
+    position: Array
+    held_out: bool
+
+
+def left_of(held: HeldOut, *, held_out: bool) -> list[Left]:
+    """Of each window that a model has simulated; windows without a row that counts are left out."""
+    out, error, scored = [], held.error, held.scored & held.sure
+    for (k, first, last), rows in zip(held.cut.windows, held.cut.slices, strict=True):
+        one, states = held.cut.series[k], held.states[rows]
+        if scored[rows].any():
+            t, u = one.t[first:last], one.u[first:last]
+            pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
+            some = pressure, velocity, position
+            out.append(Left(k, t, u, error[rows], scored[rows], *some, held_out))
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """How much of what is left is systematic, at least, by one way of asking.
+
+    Attributes:
+        square: Mean square of the systematic part [unit^2]; may be below 0 by chance.
+        sd: Its standard deviation.
+        score: What is shown, over its own standard deviation (Student's t).
+        limit: Score from which on it is more than chance.
+    """
+
+    square: float
+    sd: float
+    score: float
+    limit: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is more than chance would show."""
+        return self.square > 0.0 and self.score > self.limit
+
+
+def mean_square(parts: Sequence[Left]) -> float:
+    """Of all rows that count."""
+    kept = [one.error[one.scored] for one in parts]
+    return sum(float(each @ each) for each in kept) / sum(len(each) for each in kept)
+
+
+def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[Mask], count: int) -> Share:
+    """What squared errors of windows have become less, by `count` parts of each.
+
+    Whether it is chance is asked of the parts' log errors: where the error is large it changes most.
+    """
+    old, new, rows = [], [], 0
+    for one, other, kept in zip(before, after, scored, strict=True):
+        for each in np.array_split(np.flatnonzero(kept), count):
+            if len(each):
+                old.append(float(one[each].sum()))
+                new.append(float(other[each].sum()))
+                rows += len(each)
+    saved = np.array(old) - np.array(new)
+    if len(saved) < 2:
+        return Share(float(saved.sum()) / rows, math.inf, 0.0, math.inf)
+    logs = np.log(np.maximum(old, 1e-300)) - np.log(np.maximum(new, 1e-300))
+    root = math.sqrt(len(saved))
+    sd = root * float(np.std(saved, ddof=1)) / rows
+    score = root * float(np.mean(logs)) / max(float(np.std(logs, ddof=1)), 1e-300)
+    return Share(float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - CHANCE, len(saved) - 1)))

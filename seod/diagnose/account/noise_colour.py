@@ -1,0 +1,97 @@
+"""The colour of what does not repeat: an autoregression, its order by windows that it has not seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.signal import lfilter
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.account.left import Left
+    from seod.diagnose.result import Array
+
+LONGEST: Final = 8
+"""Order, at most."""
+ENOUGH: Final = 2.0
+"""Log likelihood by which a longer memory has to be better."""
+ROWS_EACH: Final = 20
+"""Samples for each coefficient, at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseColour:
+    """Noise as an autoregression.
+
+    Attributes:
+        memory: Coefficients, newest first; shape (order,), empty for white noise.
+        sd: Standard deviation of the noise [unit of y].
+        correlation: Correlation time [samples]: of so many samples one counts for a mean. 1 of white noise.
+    """
+
+    memory: tuple[float, ...]
+    sd: float
+    correlation: float
+
+    @property
+    def order(self) -> int:
+        """Of the autoregression."""
+        return len(self.memory)
+
+
+def colour(parts: Sequence[Left]) -> NoiseColour:
+    """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse."""
+    runs = [one.error[one.scored] - np.mean(one.error[one.scored]) for one in parts]
+    sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))
+    halves = (runs[::2], runs[1::2]) if len(runs) > 1 else _halved(runs[0])
+    most = min(LONGEST, min(sum(len(run) for run in half) for half in halves) // ROWS_EACH - 1)
+    if not sd > 0.0 or most < 1:
+        return NoiseColour((), sd, 1.0)
+    best, least = 0, math.inf
+    for order in range(most + 1):
+        cost = sum(_surprise(_regressed(one, order), other, order) for one, other in (halves, halves[::-1]))
+        if cost < least - ENOUGH:
+            best, least = order, cost
+    return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
+
+
+def _halved(run: Array) -> tuple[list[Array], list[Array]]:
+    middle = len(run) // 2
+    return [run[:middle]], [run[middle:]]
+
+
+def _rows(runs: Sequence[Array], order: int) -> tuple[Array, Array]:
+    """Earlier samples, shape (n, order), and the sample that follows."""
+    long = [run for run in runs if len(run) > LONGEST]
+    past = [[run[LONGEST - k : len(run) - k] for k in range(1, order + 1)] for run in long]
+    now = np.concatenate([run[LONGEST:] for run in long])
+    return np.concatenate([np.array(each).T for each in past]) if order else np.empty((len(now), 0)), now
+
+
+def _regressed(runs: Sequence[Array], order: int) -> Array:
+    past, now = _rows(runs, order)
+    return np.asarray(np.linalg.lstsq(past, now)[0]) if order else np.empty(0)
+
+
+def _surprise(memory: Array, runs: Sequence[Array], order: int) -> float:
+    """Negative log likelihood of samples with the variance that is their own, but for a constant."""
+    past, now = _rows(runs, order)
+    return 0.5 * len(now) * math.log(max(float(np.mean((now - past @ memory) ** 2)), 1e-300))
+
+
+def _correlation(memory: Array) -> float:
+    """Spectrum at 0 over the variance, by the impulse response."""
+    if not len(memory):
+        return 1.0
+    steady = 1.0 - float(memory.sum())
+    poles = np.roots(np.r_[1.0, -memory])
+    slowest = float(np.max(np.abs(poles)))
+    if slowest >= 1.0 or steady <= 0.0:
+        return math.inf
+    length = min(1_000_000, math.ceil(20.0 / (1.0 - slowest)))
+    response = lfilter([1.0], np.r_[1.0, -memory], np.eye(1, length)[0])
+    return max(1.0, 1.0 / steady**2 / float(response @ response))

@@ -1,0 +1,87 @@
+"""Causes at the load: what pulls at it, and what it carries."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.causes.flow import full_pressure
+from seod.diagnose.causes.record import Alike, Cause, Coordinate, Plain, signed, sized
+from sim.effects import FAR
+
+if TYPE_CHECKING:
+    from seod.diagnose.causes.scales import Scales
+
+BIAS_SCALE, BIAS_START = 0.1, 0.02
+"""A constant load over the load pressure: size in whose steps it is searched, and a start; chosen."""
+SPRING_SCALE: Final = 0.1
+SPRINGS: Final = (0.02, 0.2)
+"""Stiffness over that of the oil, omega_n^2: size in whose steps it is searched, and starts; chosen."""
+STIFFEST_SPRING: Final = 1e7
+"""Of a spring [1/s^2]: the simulated plant's own limit."""
+LEAST_INERTIA, MOST_INERTIA = 1e-3, 10.0
+"""Second inertia over the first: less is not seen beside noise, more has become the first; chosen."""
+LEAST_RESONANCE, LARGEST_RESONANCE = 0.3, 20.0
+"""Frequency of a second inertia over omega_n, at least and at most: farther off the inertias move as one."""
+SLOWEST_RESONANCE: Final = 1.0
+"""Of it, at least [rad/s]: the simulated plant's own limit."""
+RESONANCE_TICKS: Final = 2.0
+"""Of it times the sampling interval, at most: a third of a wave between samples."""
+LEAST_RESONANCE_DAMPING, MOST_RESONANCE_DAMPING = 2e-3, 0.5
+"""Damping ratio of a second inertia: of steel alone, to where it no longer resonates; chosen."""
+INERTIA_STARTS: Final = (
+    *((0.2, x, 0.05) for x in (0.6, 1.3, 2.5, 5.0)),
+    *((1.0, x, 0.05) for x in (1.3, 1.8)),
+)
+"""Inertia, frequency over omega_n, and damping ratio: a light one at four places, a heavy one near the
+plant's own, where it splits its resonance; chosen."""
+
+
+def _spring(s: Scales) -> tuple[Coordinate, ...]:
+    return (
+        signed("stiffness", SPRING_SCALE * s.omega_n**2, STIFFEST_SPRING),
+        signed("centre", s.travel, FAR),
+    )
+
+
+def _resonance(s: Scales) -> tuple[Coordinate, ...]:
+    least = max(LEAST_RESONANCE * s.omega_n, SLOWEST_RESONANCE)
+    return (
+        sized("inertia", LEAST_INERTIA, MOST_INERTIA),
+        sized("omega", least, min(LARGEST_RESONANCE * s.omega_n, RESONANCE_TICKS / s.tick_s)),
+        sized("zeta", LEAST_RESONANCE_DAMPING, MOST_RESONANCE_DAMPING),
+    )
+
+
+LOAD_BIAS: Final = Cause(
+    name="load_bias",
+    says="A constant load pulls: gravity, an unbalanced cylinder, or a valve whose centre is not at 0 V.",
+    coordinates=lambda s: (signed("acceleration", BIAS_SCALE * s.pressure, FAR),),
+    starts=lambda s: ((BIAS_START * s.pressure,),),
+    alike=(
+        Alike(
+            "asymmetric_gain",
+            lambda v, s: {"asymmetric_gain.ratio": -v["load_bias.acceleration"] / full_pressure(v, s)},
+            always=False,
+        ),
+    ),
+    offset="acceleration",
+)
+LOAD_SPRING: Final = Cause(
+    name="load_spring",
+    says="The load pulls back to where it belongs: a spring, a pendulum, a hinge moment.",
+    coordinates=_spring,
+    starts=lambda s: tuple((x * s.omega_n**2, s.centre) for x in SPRINGS),
+    plain=Plain(
+        "load_bias",
+        becomes=lambda v: {"load_bias.acceleration": v["load_spring.stiffness"] * v["load_spring.centre"]},
+    ),
+    states=("position",),
+)
+LOAD_RESONANCE: Final = Cause(
+    name="load_resonance",
+    says="A second inertia swings behind a shaft or a structure that gives.",
+    coordinates=_resonance,
+    starts=lambda s: tuple((inertia, x * s.omega_n, zeta) for inertia, x, zeta in INERTIA_STARTS),
+    states=("velocity2", "position2"),
+)
+LOAD: Final = (LOAD_BIAS, LOAD_SPRING, LOAD_RESONANCE)

@@ -1,0 +1,284 @@
+"""What is written of one cause: everything about it that a search, its starts, and a report need."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Literal
+
+from sim.effects import EFFECTS, LEAST
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.result import Effects
+
+LARGEST_PART: Final = 0.7
+"""Cosine and sine part of a wave over the largest amplitude, at most: both together stay below it."""
+State = Literal["pressure", "velocity", "position", "velocity2", "position2", "lagged", "loose"]
+"""A column of a window's initial state, `sim.windows.START`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One searched number.
+
+    Attributes:
+        place: What it stands for: of `Values`, or `effect.cosine`, `effect.sine` of a wave. In a record of a
+            cause its own parameter's name alone.
+        scale: Of a linear one, its size; of a logarithm its sign.
+        low: Least value of the parameter itself.
+        high: Largest.
+        logarithm: Searched is ln(value / scale); else value / scale.
+    """
+
+    place: str
+    scale: float
+    low: float
+    high: float
+    logarithm: bool = True
+
+    def value(self, x: float) -> float:
+        """The parameter at the searched number."""
+        if self.logarithm:
+            return self.scale * min(max(math.exp(x), self.low), self.high)
+        return min(max(self.scale * x, self.low), self.high)
+
+    def searched(self, value: float) -> float:
+        """The searched number of a parameter, within its bounds."""
+        if self.logarithm:
+            return math.log(min(max(value / self.scale, self.low), self.high))
+        return min(max(value, self.low), self.high) / self.scale
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of the searched number."""
+        if self.logarithm:
+            return math.log(self.low), math.log(self.high)
+        return self.low / self.scale, self.high / self.scale
+
+
+def sized(name: str, low: float, high: float) -> Coordinate:
+    """A parameter of one sign whose logarithm is searched."""
+    return Coordinate(name, 1.0, low, high)
+
+
+def linear(name: str, scale: float, low: float, high: float) -> Coordinate:
+    """A parameter that acts in proportion."""
+    return Coordinate(name, scale, low, high, logarithm=False)
+
+
+def signed(name: str, scale: float, limit: float) -> Coordinate:
+    """A parameter that acts in proportion, of either sign."""
+    return linear(name, scale, -limit, limit)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A cause as it is searched: its coordinates, and values to begin from."""
+
+    coordinates: tuple[Coordinate, ...]
+    starts: tuple[Values, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """A cause that is a wave: searched as cosine and sine parts, which act nearly linearly.
+
+    Attributes:
+        number: The parameter that tells how often it repeats [rad/s, or rad/unit].
+        over: What it repeats over: the time, or where the load is.
+        fewest: Waves over all of that, at least: a longer one is a bend, which other causes have too.
+    """
+
+    number: str
+    over: Literal["time", "place"]
+    fewest: float
+
+    def coordinates(
+        self, name: str, scale: float, narrow: float, low: float, high: float
+    ) -> tuple[Coordinate, ...]:
+        """`narrow` is a change of the wave's number by which its far end hardly moves."""
+        largest = next(each.high for each in EFFECTS[name].parameters if each.name == "amplitude")
+        limit = LARGEST_PART * largest
+        parts = signed("cosine", scale, limit), signed("sine", scale, limit)
+        return (*parts, linear(self.number, narrow, low, high))
+
+
+@dataclass(frozen=True, slots=True)
+class Plain:
+    """A simpler cause that this one contains.
+
+    Attributes:
+        name: Of the simpler one.
+        becomes: Its parameters at the end of this one's range where this one is nothing more; None where
+            this one acts only beside it, and both are in a set.
+        grows: Parameters of this one to begin with where the simpler one is found; None: it is not tried so.
+    """
+
+    name: str
+    becomes: Callable[[Values], Values] | None
+    grows: Callable[[Values, Scales], Values] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """A cause that acts like this one.
+
+    Attributes:
+        name: Of the other.
+        same: The other's parameters at which it does, from those of a set with this one.
+        always: Or only where the recordings have two commands and no more.
+    """
+
+    name: str
+    same: Callable[[Values, Scales], Values]
+    always: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Hidden:
+    """A cause that two commands hide, as a change of the gain, and the next experiment that shows it.
+
+    Attributes:
+        shown: Parameters with which an experiment is tried out, by the largest command [V].
+        size: The same in words.
+    """
+
+    shown: Callable[[float], Values]
+    size: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """A limit cycle of Eq. 1 under a relay.
+
+    Attributes:
+        omega: Its frequency [rad/s].
+        half: Half of its swing [unit].
+        stalls: Pressure at which the load would stall, as acceleration [unit/s^2].
+        swing: From end to end of the load [unit], with the sizes known so far.
+    """
+
+    omega: float
+    half: float
+    stalls: float
+    swing: Callable[[Values], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """How a cause is tried in the grid of plants under a relay.
+
+    Attributes:
+        sizes: Its parameters, from shares of the limit cycle and the other causes' sizes; None: its plants
+            have no shares.
+        alone: Shares in the grid.
+        beside: Shares beside another cause of the grid; none: it is tried alone.
+        begins: Its parameters from those of a plant with its plain form, and half of that plant's swing
+            without effects.
+        settles: Shares that are not in the grid: from its plain form's best plants the search goes on with
+            this cause.
+        ramps: Its parameters, from how long the valve takes from one command to the other [s] and how far
+            these are apart [V]: plants are tried with such ramps.
+    """
+
+    sizes: Callable[[Values, Values, Cycle], Values] | None = None
+    alone: tuple[Values, ...] = ()
+    beside: tuple[Values, ...] = ()
+    begins: Callable[[Values, float], Values] | None = None
+    settles: Values | None = None
+    ramps: Callable[[float, float], Values] | None = None
+
+
+def _always(_: Scales) -> bool:
+    return True
+
+
+def _nowhere(_: Scales) -> tuple[tuple[float, ...], ...]:
+    return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One cause.
+
+    Attributes:
+        name: As in `sim.effects`.
+        says: What it means, as a sentence of the report; `{figure}` stands for `figure`.
+        coordinates: What is searched.
+        starts: Values of the coordinates, in their order, to begin from; of a wave none, it begins at lines.
+        remote: Factors on the parent's plant, from which the largest start is tried too.
+        searched: Whether a simulation can show it in recordings of these sizes.
+        within: Brings its parameters, among all effects of a model, to what can be simulated.
+        plain: A simpler cause that it contains.
+        alike: Causes that act like it.
+        delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
+        hidden: How two commands hide it; None: they do not.
+        grid: How it is tried in the relay's grid; None: it is not.
+        states: Columns of initial states that are free with it, beside those of Eq. 1.
+        mirrored: Parameters that turn their sign with that of the command.
+        wave: How it repeats; None: it is no wave.
+        play: Parameter that is a gap in which the load may have been at rest anywhere; "" without one.
+        unsigned: Parameter that is 1 where readings have lost their sign: the plant to begin from is that of
+            readings that have been given the sign of a simulation; "" where readings keep it.
+        offset: Parameter by which it is a constant acceleration, in which Eq. 1 is linear; "" without one.
+        figure: A number that the sentence tells, from all effects of the model.
+    """
+
+    name: str
+    says: str
+    coordinates: Callable[[Scales], tuple[Coordinate, ...]]
+    starts: Callable[[Scales], tuple[tuple[float, ...], ...]] = _nowhere
+    remote: tuple[Values, ...] = ()
+    searched: Callable[[Scales], bool] = _always
+    within: Callable[[Effects, Scales], None] | None = None
+    plain: Plain | None = None
+    alike: tuple[Alike, ...] = ()
+    delays: bool = False
+    hidden: Hidden | None = None
+    grid: Grid | None = None
+    states: tuple[State, ...] = ()
+    mirrored: tuple[str, ...] = ()
+    wave: Wave | None = None
+    play: str = ""
+    unsigned: str = ""
+    offset: str = ""
+    figure: Callable[[Effects], float] | None = None
+
+    @property
+    def beside(self) -> str:
+        """The cause without which it does nothing; "" where it acts alone."""
+        return self.plain.name if self.plain is not None and self.plain.becomes is None else ""
+
+    def group(self, scales: Scales) -> Group:
+        """What is searched of it; a wave begins without its number."""
+        coordinates = tuple(self._placed(each) for each in self.coordinates(scales))
+        places = [each.place for each in coordinates]
+        starts = [dict(zip(places, each, strict=True)) for each in self.starts(scales)]
+        return Group(coordinates, (*starts, *(starts[-1] | each for each in self.remote)))
+
+    def _placed(self, coordinate: Coordinate) -> Coordinate:
+        """With its whole place, both ends within the effect's own limits."""
+        place = f"{self.name}.{coordinate.place}"
+        limits = next((p for p in EFFECTS[self.name].parameters if p.name == coordinate.place), None)
+        if limits is None:
+            return replace(coordinate, place=place)
+        least = max(limits.low, LEAST.get(place, limits.low))
+        low, high = (min(max(end, least), limits.high) for end in (coordinate.low, coordinate.high))
+        return replace(coordinate, place=place, low=low, high=high)
+
+    def has_room(self, scales: Scales) -> bool:
+        """Whether its own limits leave a range for each number, in recordings of these sizes."""
+        return all(each.low < each.high for each in self.group(scales).coordinates)
+
+
+def not_searched(_: Scales) -> bool:
+    """Of causes that something else stands for, or that samples show."""
+    return False
+
+
+def no_coordinates(_: Scales) -> tuple[Coordinate, ...]:
+    """Of causes that are not searched."""
+    return ()

@@ -1,0 +1,59 @@
+"""Sizes of things in the recordings, by which what is searched is scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Values = dict[str, float]
+"""By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Sizes of things in the recordings.
+
+    Attributes:
+        volts: Largest command, either way [V].
+        speed: Standard deviation of the load's speed by the baseline [unit/s].
+        pressure: Load pressure by the baseline, seldom exceeded, as acceleration [unit/s^2].
+        centre: Mean position [unit].
+        travel: Range of positions [unit].
+        swing: Typical movement between two reversals [unit].
+        omega_n: Of the baseline [rad/s].
+        span_s: Length of the longest recording [s].
+        tick_s: Sampling interval [s].
+        middle: Of the travel [unit].
+        sees_speed: The sensor sees the speed: where the load is nobody knows.
+        step: Of a coarse sensor of positions [unit], 0 where none is seen.
+        slowest: Natural frequency that is searched, at least [rad/s]: of less, windows show no swing.
+        damped: Largest zeta that is searched.
+        warmer: The temperature changes.
+        relayed: A relay gave the commands: two of them, with another bias four.
+        two_commands: There are no more than two.
+        levels: How many different ones there are.
+        pressed: The supply pressure changes.
+        force: Standard deviation of what is measured of a disturbance [its unit], 0 without such a channel.
+        told: Causes whose size the user tells: they are not searched.
+    """
+
+    volts: float
+    speed: float
+    pressure: float
+    centre: float
+    travel: float
+    swing: float
+    omega_n: float
+    span_s: float
+    tick_s: float
+    middle: float = 0.0
+    sees_speed: bool = False
+    step: float = 0.0
+    slowest: float = 2.0
+    damped: float = 20.0
+    warmer: bool = False
+    relayed: bool = False
+    two_commands: bool = False
+    levels: int = 1000
+    pressed: bool = False
+    force: float = 0.0
+    told: frozenset[str] = frozenset()

@@ -1,0 +1,167 @@
+"""All causes, and what a search asks of them without knowing one by its name."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.causes.disturbance import DISTURBANCE
+from seod.diagnose.causes.flow import FLOW
+from seod.diagnose.causes.friction import FRICTION
+from seod.diagnose.causes.load import LOAD
+from seod.diagnose.causes.plant import PLANT
+from seod.diagnose.causes.sensor import SENSOR
+from seod.diagnose.causes.valve import VALVE
+from seod.terminal.text import number
+from sim.effects import EFFECTS, parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from seod.diagnose.causes.record import Cycle, Grid, Group, Hidden, Wave
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.result import Effects
+
+_ALL: Final = {each.name: each for each in (*VALVE, *FLOW, *LOAD, *FRICTION, *DISTURBANCE, *SENSOR, *PLANT)}
+CAUSES: Final = {name: _ALL[name] for name in EFFECTS if name in _ALL}
+"""Every cause by name, in the order of the signal's way."""
+DELAYS: Final = frozenset(name for name, one in CAUSES.items() if one.delays)
+"""Causes that may stand for a delay of a plant of the relay's grid."""
+IN_GRID: Final = tuple(name for name, one in CAUSES.items() if one.grid is not None and one.grid.alone)
+"""Causes that the relay's grid has."""
+SETTLED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not None and one.grid.settles)
+"""Causes with which the search goes on from the grid's plants with their plain form."""
+RAMPED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not None and one.grid.ramps)
+"""Causes whose plants of the grid have ramps for the relay's switches."""
+LATE, LATE_PLACE = next((name, f"{name}.time") for name, one in CAUSES.items() if one.delays)
+"""The cause that is a delay and nothing else, and its parameter."""
+SHAKES: Final = next(name for name, one in CAUSES.items() if one.wave and one.wave.over == "time")
+"""The cause that is a wave over time: a limit cycle may have locked to it."""
+FROM_GRID: Final = DELAYS.union(IN_GRID, SETTLED, RAMPED, {SHAKES})
+"""Causes that may be tried from a plant of the grid."""
+RICHER: Final = {name: one.plain.name for name, one in CAUSES.items() if one.plain and one.plain.grows}
+"""Causes that are tried from a set with their plain form, each with that."""
+GAPS: Final = frozenset(f"{name}.{one.play}" for name, one in CAUSES.items() if one.play)
+"""Places of gaps in which the load may have been at rest anywhere."""
+OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUSES.items() if one.offset)
+"""The cause that is a constant acceleration, and its parameter: Eq. 1 is linear in it."""
+MIRRORED: Final = frozenset(f"{name}.{of}" for name, one in CAUSES.items() for of in one.mirrored)
+"""Places of parameters that turn their sign with that of the command."""
+
+
+def group(name: str, scales: Scales) -> Group:
+    """What is searched for a cause of this name; a wave begins without its number."""
+    return CAUSES[name].group(scales)
+
+
+def wave_of(name: str) -> Wave:
+    """How a cause that is a wave repeats."""
+    wave = CAUSES[name].wave
+    assert wave is not None  # noqa: S101 - asked of waves alone
+    return wave
+
+
+def searched_causes(scales: Scales) -> list[str]:
+    """Causes that a simulation can show in these recordings, but for those that act only beside another."""
+    asked = [name for name, one in CAUSES.items() if not one.beside and one.searched(scales)]
+    return [name for name in asked if name not in scales.told]
+
+
+def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
+    """What can be added to a set: causes that it lacks; last those that act only beside one that it has.
+
+    Not those whose own limits leave no room in recordings of these sizes.
+    """
+    beside = [name for name, one in CAUSES.items() if one.beside in names]
+    lacking = [each for each in (*searched_causes(scales), *beside) if each not in names]
+    return [each for each in lacking if CAUSES[each].has_room(scales)]
+
+
+def plain_form(names: Collection[str]) -> frozenset[str]:
+    """A set with plain forms in the place of richer ones that grow from them."""
+    return frozenset(RICHER.get(name, name) for name in names)
+
+
+def grown(name: str, values: Values, scales: Scales) -> Values:
+    """Parameters of a richer form to begin with, from those of a set that has the plain one."""
+    plain = CAUSES[name].plain
+    assert plain is not None and plain.grows is not None  # noqa: S101, PT018 - asked of `RICHER` alone
+    return plain.grows(values, scales)
+
+
+def bound_to(name: str) -> set[str]:
+    """Causes that do nothing without this one."""
+    return {other for other, one in CAUSES.items() if one.beside == name}
+
+
+def hidden_by_relay() -> dict[str, Hidden]:
+    """Causes that two commands hide in the gain, and how."""
+    return {name: one.hidden for name, one in CAUSES.items() if one.hidden is not None}
+
+
+def alike_under_relay() -> Iterator[tuple[str, str]]:
+    """Pairs of causes that two commands cannot tell apart."""
+    for name, one in CAUSES.items():
+        for other in one.alike:
+            if not other.always and list(CAUSES).index(name) < list(CAUSES).index(other.name):
+                yield name, other.name
+
+
+def grid_of(name: str) -> Grid:
+    """How a cause of the relay's grid is tried there."""
+    grid = CAUSES[name].grid
+    assert grid is not None  # noqa: S101 - asked of causes of the grid alone
+    return grid
+
+
+def settled_from(name: str, sizes: Values, half: float) -> Values:
+    """Parameters of a cause of `SETTLED`, of a plant with its plain form that swings so far either way."""
+    begins = grid_of(name).begins
+    assert begins is not None  # noqa: S101 - asked of `SETTLED` alone
+    return begins(sizes, half)
+
+
+def sized_by_shares(name: str, shares: Values, sizes: Values, cycle: Cycle) -> Values:
+    """Parameters of a cause of the grid, the sizes of those before it being known."""
+    made = grid_of(name).sizes
+    assert made is not None  # noqa: S101 - asked of causes that have shares
+    return made(shares, sizes, cycle)
+
+
+def ramped_by(name: str, lasts: float, height: float) -> Values:
+    """Parameters of a cause of `RAMPED`, from how long a ramp over so many volts lasts [s]."""
+    ramps = grid_of(name).ramps
+    assert ramps is not None  # noqa: S101 - asked of `RAMPED` alone
+    return ramps(lasts, height)
+
+
+def grid_shares() -> Iterator[Values]:
+    """Shares of each cause of the relay's grid, and of two of them."""
+    grids = [grid_of(name) for name in IN_GRID]
+    for grid in grids:
+        yield from grid.alone
+    for k, one in enumerate(grids):
+        for other in grids[k + 1 :]:
+            yield from (a | b for a, b in product(one.beside, other.beside))
+
+
+def grows_with_movement(place: str) -> bool:
+    """Whether a parameter is as large as the movement is, all else being the same."""
+    return parameter(place)[1].unit.startswith("unit")
+
+
+def sentence(name: str, effects: Effects) -> str:
+    """What a found cause means, for a report; `effects` are those of the model."""
+    cause = CAUSES[name]
+    return cause.says if cause.figure is None else cause.says.format(figure=number(cause.figure(effects)))
+
+
+def remote(start: Values) -> bool:
+    """Whether a start is far from the parent's own plant."""
+    return not {"*K_L", "K_L", "zeta"}.isdisjoint(start)
+
+
+def begun_from(values: Values, start: Values) -> Values:
+    """A parent's parameters with those of a start, and its factors."""
+    factors = {place: start.get(f"*{place}", 1.0) for place in values}
+    return {place: value * factors[place] for place, value in values.items()} | start

@@ -1,0 +1,215 @@
+"""Causes in the valve: what it does to the command."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.causes.record import (
+    Alike,
+    Cause,
+    Grid,
+    Hidden,
+    linear,
+    no_coordinates,
+    not_searched,
+    signed,
+    sized,
+)
+from sim.effects import MAP_KNOTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.result import Array, Effects
+
+HALF_WIDTHS: Final = (0.004, 0.02, 0.1, 0.3)
+"""Starts of a half width over the largest command: of a good valve to one that eats a third; chosen."""
+HALF_WIDTH_SCALE: Final = 0.1
+"""Size of a half width over the largest command, in whose steps it is searched; chosen."""
+LIMITS: Final = (0.4, 0.6, 0.85)
+"""Starts of a limit over the largest command; chosen."""
+LEAST_LIMIT, LARGEST_LIMIT = 0.02, 1.5
+"""Limit over the largest command, at least and at most: above 1 it does nothing."""
+SHOWN_HALF_WIDTH, SHOWN_LIMIT = 0.1, 0.6
+"""Over the largest command: sizes with which an experiment is tried out; chosen."""
+LONGEST_S: Final = 0.1
+LONGEST_TICKS: Final = 50.0
+"""Of a delay or a lag [s], or over the sampling interval, at most: slow records are of slow rigs; chosen."""
+LONGEST_START: Final = 0.5
+"""Of a start over that, so that a fit may go either way."""
+SHORTEST_LAG_TICKS: Final = 0.1
+"""Over the sampling interval, at least: a shorter lag does not show in samples, and takes many substeps."""
+SHORTEST_LAG_S: Final = 1e-5
+"""Of a lag, at least [s]: the simulated plant's own limit."""
+RAMPS: Final = (0.3, 1.0, 3.0)
+"""Starts of a valve of limited speed: radians of the plant for its way from one end to the other; chosen."""
+LONGEST_RAMP: Final = 100.0
+"""The same, at most: such a valve holds back all that the plant could do; chosen."""
+
+MAP_BENDS: Final = tuple(f"bend_{k}" for k in range(1, MAP_KNOTS))
+MAP_TILTS: Final = tuple(f"tilt_{k}" for k in range(1, MAP_KNOTS + 1))
+MAP_SIZE, LARGEST_MAP = 0.02, 0.5
+"""Of what a valve's map adds, over the largest command: size in whose steps it is searched, and its limit."""
+LEVELS_OF_MAP: Final = 4 * MAP_KNOTS
+"""Different commands, more than which a map needs: two to each of its knots, to either side."""
+
+
+def _worth(effects: Effects) -> tuple[Array, Array]:
+    """What the knots of a valve's map are worth to either side, from 0 outwards [V]."""
+    of = effects["static_valve_map"]
+    bend = np.array([0.0, *(of[name] for name in MAP_BENDS), 0.0])
+    tilt = np.array([0.0, *(of[name] for name in MAP_TILTS)])
+    size = np.linspace(0.0, of["range"], MAP_KNOTS + 1) + bend
+    return size + tilt, size - tilt
+
+
+def _monotone(effects: Effects, s: Scales) -> None:
+    """A valve's map lies over the commands of the recordings, and never falls from knot to knot."""
+    effects["static_valve_map"]["range"] = s.volts
+    up, down = (np.maximum(np.minimum.accumulate(one[::-1])[::-1], 0.0) for one in _worth(effects))
+    bend = 0.5 * (up + down) - np.linspace(0.0, s.volts, MAP_KNOTS + 1)
+    tilt = 0.5 * (up - down)
+    told = zip((*MAP_BENDS, *MAP_TILTS), (*bend[1:-1], *tilt[1:]), strict=True)
+    effects["static_valve_map"] |= {name: float(value) for name, value in told}
+
+
+def _off(effects: Effects) -> float:
+    """Most that a command is worth more or less [V]."""
+    at = np.linspace(0.0, effects["static_valve_map"]["range"], MAP_KNOTS + 1)
+    return float(max(np.max(np.abs(one - at)) for one in _worth(effects)))
+
+
+def lag_starts(*radians: float) -> Callable[[Scales], tuple[tuple[float, ...], ...]]:
+    """Times of so many radians of the plant's own frequency."""
+    return lambda s: tuple((min(x * (1.0 / s.omega_n), LONGEST_START * longest(s)),) for x in radians)
+
+
+def longest(s: Scales) -> float:
+    """Of a delay or a lag, at most [s]."""
+    return max(LONGEST_S, LONGEST_TICKS * s.tick_s)
+
+
+def shortest_lag(s: Scales) -> float:
+    """Least time of a lag [s]."""
+    return max(SHORTEST_LAG_TICKS * s.tick_s, SHORTEST_LAG_S)
+
+
+def same_time(own: str, *others: str) -> tuple[Alike, ...]:
+    """Other causes that delay, alike at the same time; under a relay also a valve of limited speed."""
+
+    def alike(other: str) -> Alike:
+        return Alike(other, lambda values, _: {f"{other}.time": values[f"{own}.time"]})
+
+    slow = Alike(
+        "valve_rate_limit",
+        lambda values, s: {"valve_rate_limit.rate": s.volts / max(values[f"{own}.time"], SHORTEST_LAG_S)},
+        always=False,
+    )
+    return (*(alike(other) for other in others), slow)
+
+
+def same_delay(*others: str) -> tuple[Alike, ...]:
+    """Causes that delay as long as the middle of a ramp from one end of a relay's command to the other."""
+
+    def alike(other: str) -> Alike:
+        time = f"{other}.time"
+        return Alike(other, lambda values, s: {time: s.volts / values["valve_rate_limit.rate"]}, always=False)
+
+    return tuple(alike(other) for other in others)
+
+
+def ramping(s: Scales, radians: float) -> float:
+    """Speed [V/s] of a valve that needs so many radians of the plant from one end to the other."""
+    return 2.0 * s.volts * s.omega_n / radians
+
+
+def _shown(place: str, part: float) -> Callable[[float], Values]:
+    return lambda volts: {place: part * volts}
+
+
+TRANSPORT_DELAY: Final = Cause(
+    name="transport_delay",
+    says="The command reaches the valve late: a bus, an amplifier's electronics, or the loop's own tick.",
+    coordinates=lambda s: (linear("time", 1.0 / s.omega_n, 0.0, longest(s)),),
+    starts=lag_starts(0.05, 0.3),
+    alike=same_time("transport_delay", "sensor_lag", "valve_lag"),
+    delays=True,
+)
+VALVE_SATURATION: Final = Cause(
+    name="valve_saturation",
+    says="The valve or its amplifier has an end: more voltage opens no further.",
+    coordinates=lambda s: (sized("limit", LEAST_LIMIT * s.volts, LARGEST_LIMIT * s.volts),),
+    starts=lambda s: tuple((x * s.volts,) for x in LIMITS),
+    searched=lambda s: not s.two_commands,
+    hidden=Hidden(_shown("valve_saturation.limit", SHOWN_LIMIT), "six tenths as limit"),
+)
+STATIC_VALVE_MAP: Final = Cause(
+    name="static_valve_map",
+    says="The valve's gain differs by level and direction: a command is worth up to {figure} V more or less.",
+    coordinates=lambda s: tuple(
+        signed(of, MAP_SIZE * s.volts, LARGEST_MAP * s.volts) for of in (*MAP_BENDS, *MAP_TILTS)
+    ),
+    starts=lambda _: ((0.0,) * len((*MAP_BENDS, *MAP_TILTS)),),
+    searched=lambda s: s.levels > LEVELS_OF_MAP,
+    within=_monotone,
+    mirrored=MAP_TILTS,
+    figure=_off,
+)
+VALVE_HYSTERESIS: Final = Cause(
+    name="valve_hysteresis",
+    says="The valve's spool lags behind where the command turns: magnetic hysteresis, or a spool that rubs.",
+    coordinates=lambda s: (linear("half_width", HALF_WIDTH_SCALE * s.volts, 0.0, s.volts),),
+    starts=lambda s: tuple((x * s.volts,) for x in HALF_WIDTHS),
+    searched=lambda s: not s.two_commands,
+    hidden=Hidden(
+        _shown("valve_hysteresis.half_width", SHOWN_HALF_WIDTH), "a tenth of the command as half width"
+    ),
+)
+VALVE_LAG: Final = Cause(
+    name="valve_lag",
+    says="The valve's spool follows its command as a first-order lag.",
+    coordinates=lambda s: (linear("time", 1.0 / s.omega_n, shortest_lag(s), longest(s)),),
+    starts=lag_starts(0.1, 0.5),
+    alike=same_time("valve_lag", "sensor_lag", "transport_delay"),
+    delays=True,
+)
+VALVE_RATE_LIMIT: Final = Cause(
+    name="valve_rate_limit",
+    says="The valve's spool goes no faster: its pilot stage, or the current of its motor, is at its end.",
+    coordinates=lambda s: (
+        sized("rate", ramping(s, LONGEST_RAMP), 2.0 * s.volts / (SHORTEST_LAG_TICKS * s.tick_s)),
+    ),
+    starts=lambda s: tuple((ramping(s, x),) for x in RAMPS),
+    alike=same_delay("sensor_lag", "transport_delay", "valve_lag"),
+    grid=Grid(ramps=lambda lasts, height: {"valve_rate_limit.rate": height / lasts}),
+)
+NULL_SHIFT: Final = Cause(
+    name="null_shift",
+    says="The valve is closed at another voltage than 0: load_bias stands for it.",
+    coordinates=no_coordinates,
+    searched=not_searched,
+    mirrored=("voltage",),
+)
+VALVE_DEADBAND: Final = Cause(
+    name="valve_deadband",
+    says="The valve's spool overlaps its ports: around its centre it opens nothing.",
+    coordinates=lambda s: (linear("half_width", HALF_WIDTH_SCALE * s.volts, 0.0, s.volts),),
+    starts=lambda s: tuple((x * s.volts,) for x in HALF_WIDTHS),
+    searched=lambda s: not s.two_commands,
+    hidden=Hidden(
+        _shown("valve_deadband.half_width", SHOWN_HALF_WIDTH), "a tenth of the command as half width"
+    ),
+)
+VALVE: Final = (
+    TRANSPORT_DELAY,
+    VALVE_SATURATION,
+    STATIC_VALVE_MAP,
+    VALVE_HYSTERESIS,
+    VALVE_LAG,
+    VALVE_RATE_LIMIT,
+    NULL_SHIFT,
+    VALVE_DEADBAND,
+)

@@ -1,0 +1,1 @@
+"""Least squares of simulated windows to measured ones."""

@@ -1,0 +1,162 @@
+"""Initial states of windows: as samples show them, from a simulation, or carried on from other windows."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.fitting.least_squares import SETTLING_STEPS, LeastSquares, settle
+from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
+from seod.diagnose.record.windows import Cut
+
+ALIKE_WINDOWS: Final = 4.0
+"""Squared error of a window, over the least of all, up to which another window may take its states."""
+SIGN_LOST: Final = 0.5
+"""Part of a sensor's rectifying from which on readings below 0 are shown above it."""
+PLACES_IN_GAP: Final = (0.5, 0.0, 1.0)
+"""In a gap where the load may have been at rest, over it."""
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.result import Array
+
+
+def measured_places(cut: Cut) -> Array:
+    """Initial states as samples show them: positions, or integrals of speeds; shape (w, 7)."""
+    start = np.zeros((len(cut.windows), STATES))
+    for w, (k, first, last) in enumerate(cut.windows):
+        one = cut.series[k]
+        rows = first + np.flatnonzero(one.good[first:last])[:1]
+        start[w, POSITION] = travelled(one)[first] if one.sees_speed else one.y[rows[0]]
+    return start
+
+
+def travelled(one: Series) -> Array:
+    """Positions by the integral of a speed, from 0, shape (n,)."""
+    y = np.interp(one.t, one.t[one.good], one.y[one.good])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
+
+
+def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
+    """Initial states with pressure and speed of one simulation of each block of recordings, shape (w, 7).
+
+    It begins so many times a gap from the flank that the load pulls at.
+    """
+    start = measured_places(cut)
+    record = model.record(x)
+    gap = float(record["backlash_gap"][0])
+    behind = gap > 0.0 and not model.sees_speed
+    unsigned = float(record["rectified_sensor_part"][0]) > SIGN_LOST and not model.sees_speed
+    for k, begin, end in _blocks(cut):
+        block = Cut(cut.series, ((k, begin, end),))
+        rest = measured_places(block)
+        rest[:, LOOSE] = loose * gap
+        seen, states = inside(record, block, rest)
+        for w, (of, first, _) in enumerate(cut.windows):
+            if of == k and begin <= first < end:
+                at = first - begin
+                start[w, :POSITION] = states[at, :POSITION]
+                start[w, LOOSE] = states[at, LOOSE_INSIDE]
+                if unsigned:
+                    start[w, POSITION] = math.copysign(start[w, POSITION], states[at, POSITION])
+                start[w, POSITION] += states[at, POSITION] - seen[at] if behind else 0.0
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _blocks(cut: Cut) -> list[tuple[int, int, int]]:
+    """Blocks that have windows: (series, first row, row after the last)."""
+    used = sorted({k for k, _, _ in cut.windows})
+    every = [(k, begin, end) for k in used for begin, end in cut.series[k].blocks]
+    return [
+        (k, begin, end)
+        for k, begin, end in every
+        if any(of == k and begin <= first < end for of, first, _ in cut.windows)
+    ]
+
+
+def carried_states(found: Fitted, cut: Cut) -> Array:
+    """Initial states of other windows by going on from the fitted ones before them, shape (w, 7).
+
+    A sensor's ripple may have several places for one reading: where the load is, its past tells.
+    """
+    record = found.model.record(found.x)
+    start, begins = measured_places(cut), _begins(found, cut.series)
+    for (k, row), state in begins.items():
+        last = next((b for a, b in cut.series[k].blocks if a <= row < b), len(cut.series[k].t))
+        end = min((b for of, b in begins if of == k and row < b < last), default=last - 1)
+        rows = range(row, max(end, row + 1))
+        asked = [w for w, (of, first, _) in enumerate(cut.windows) if of == k and first in rows]
+        if not asked:
+            continue
+        on = Cut(cut.series, ((k, row, end + 1),))
+        states = inside(record, on, state[None])[1]
+        for w in asked:
+            at = cut.windows[w][1] - row
+            start[w] = (
+                state if at == 0 else [*states[at, : POSITION + 1], 0.0, 0.0, 0.0, states[at, LOOSE_INSIDE]]
+            )
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def alike_states(found: Fitted, cut: Cut) -> Array:
+    """Under a relay: initial states from fitted windows where it had switched as long before, shape (w, 7).
+
+    Of a limit cycle they are nearly right, also where the windows before are not.
+    """
+    model, fitted = found.model, found.cut
+    record, start = model.record(found.x), measured_places(cut)
+    seen, states = inside(record, fitted, found.start)
+    good = np.repeat(found.error <= ALIKE_WINDOWS * np.min(found.error), fitted.sizes)
+    phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
+    volts, ago = (np.concatenate(each) for each in zip(*phases, strict=True))
+    for w, (k, first, _) in enumerate(cut.windows):
+        now, since = _phases(cut.series[k], cut.series[k].t[first : first + 1])
+        apart = np.where(good & (volts == now), np.abs(ago - since), np.inf)
+        row = int(np.argmin(apart))
+        start[w, :POSITION], start[w, LOOSE] = states[row, :POSITION], states[row, LOOSE_INSIDE]
+        if not model.sees_speed:
+            start[w, POSITION] = cut.series[k].y[first] + states[row, POSITION] - seen[row]
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _phases(one: Series, t: Array) -> tuple[Array, Array]:
+    """Commands at these times, and for how long they have been given."""
+    told = np.flatnonzero(np.diff(one.u, prepend=np.nan) != 0.0)
+    last = told[np.maximum(np.searchsorted(one.t_u[told], t, "right") - 1, 0)]
+    return one.u[last], t - one.t_u[last]
+
+
+def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
+    """Fitted states by recording and row, the rows counted as in these series."""
+    return {
+        (k, int(np.searchsorted(series[k].t, found.cut.series[k].t[first]))): state
+        for (k, first, _), state in zip(found.cut.windows, found.start, strict=True)
+    }
+
+
+def settled_states(model: Model, x: Array, cut: Cut) -> Array:
+    """Initial states of windows for a model fitted elsewhere, shape (w, 7)."""
+    return settle(model, cut, x, simulated_states(model, x, cut), cut.good)
+
+
+def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
+    """Initial states from which a fit begins, shape (w, 7): a simulation's or `some`, settled.
+
+    Where in a gap the load was at rest shows until it has been at both flanks, beside friction for long.
+    """
+    places = PLACES_IN_GAP if model.record(x)["backlash_gap"][0] > 0.0 else PLACES_IN_GAP[:1]
+    start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)
+    return settle(model, cut, x, start, cut.good, most=SETTLING_STEPS)
+
+
+def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
+    """Of each window those of some initial states that leave least, shape (w, 7)."""
+    search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
+    errors = np.array([search.tried(x, start)[1] for start in some])
+    return np.asarray(np.stack(some)[np.argmin(errors, axis=0), np.arange(len(cut.windows))])

@@ -1,0 +1,45 @@
+"""A set of effects fitted to all windows, and what it is worth where no fit has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
+
+from seod.diagnose.fitting.held_out import HeldOut, simulate_held_out, wholes
+from seod.diagnose.fitting.initial_states import alike_states, carried_states
+
+if TYPE_CHECKING:
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A set of effects fitted to all windows, and its simulation of those held out."""
+
+    found: Fitted
+    held: HeldOut
+
+    @classmethod
+    def of(cls, found: Fitted, held_out: Cut) -> Self:
+        """A fitted set, simulated where no fit has seen."""
+        return cls(found, simulate_held_out(found.model, found.x, held_out, *known_states(found, held_out)))
+
+    @cached_property
+    def whole(self) -> float:
+        """NRMSE of one simulation of each whole recording."""
+        return wholes(self.found.model, self.found.x, self.held.cut)[1]
+
+
+def known_states(found: Fitted, cut: Cut) -> list[Array]:
+    """Initial states of windows by those that were fitted."""
+    relayed = cut.relayed
+    return [carried_states(found, cut), *([alike_states(found, cut)] if relayed else [])]
+
+
+def gain(fewer: Judged, more: Judged) -> float:
+    """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
+    held = fewer.held.log_error - more.held.log_error
+    return min(fewer.found.cost - more.found.cost, 2.0 * held)

@@ -1,0 +1,344 @@
+"""Least squares of simulated windows to measured ones, each with an initial state of its own.
+
+What is minimised is the mean of the windows' log errors, so that one bad window has no veto: Gauss and Newton
+with Levenberg's and Marquardt's damping, each window weighted by its own error. Initial states are eliminated
+by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.fitting.backlash_jumps import Softness, jumps, smooth, softness
+from seod.diagnose.fitting.normal_equations import Normal, Table
+from seod.diagnose.fitting.simulate import LOOSE, VELOCITY, loosest
+from seod.diagnose.record.coarse_sensor import beyond
+from seod.diagnose.record.windows import Cut
+from sim.physics import dry_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.result import Array, Mask
+
+    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+
+MOST_STEPS: Final = 15
+"""Of a search, at most."""
+DERIVATIVE_STEP: Final = 1e-3
+"""Change of a searched number by which derivatives are taken."""
+LARGEST_LOG_STEP: Final = 1.0
+"""Change of a logarithm in one step, at most."""
+LARGEST_LINEAR_STEP: Final = 30.0
+"""Change of another searched number in one step, at most."""
+NOISE_ALONE: Final = 1.03
+"""Squared error over the noise's, up to which nothing else is left: the noise is known to some percent."""
+LEAST_IMPROVEMENT: Final = 1e-4
+"""Improvement of the mean log error below which a search has ended."""
+STATE_STEP_PART: Final = 0.05
+"""Change of a state by which derivatives are taken, over the range that it has, at most."""
+STATE_PART: Final = 0.3
+"""Of a step of a window's initial state, where all of it is too far."""
+SETTLING_STEPS: Final = 2
+"""Steps of the initial states alone, where a step of the numbers is too far."""
+_DAMPINGS_TRIED: Final = 4
+_AHEAD: Final = 0.1
+"""Part of a step at which the second derivative along it is taken."""
+_BEND: Final = 0.5
+"""Largest correction by it, over the step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A model fitted to windows.
+
+    Attributes:
+        model: It.
+        cut: The windows.
+        x: Searched numbers, shape (p,).
+        start: Initial states, shape (w, 7).
+        error: Mean squared error of each window, shape (w,).
+        cost: Mean of the windows' log errors, by rows.
+        curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
+    """
+
+    model: Model
+    cut: Cut
+    x: Array
+    start: Array
+    error: Array
+    cost: float
+    curvature: Array
+
+    @property
+    def excess(self) -> float:
+        """Geometric mean of the windows' squared errors over the noise's."""
+        weights = self.cut.sizes / self.cut.sizes.sum()
+        return float(np.exp(self.cost - weights @ np.log(self.cut.noise**2)))
+
+
+def fit(
+    model: Model,
+    cut: Cut,
+    x: Array,
+    start: Array,
+    most: int = MOST_STEPS,
+    each: Each = map,
+    free: Mask | None = None,
+    ended: Callable[[], bool] = lambda: False,
+    enough: float = LEAST_IMPROVEMENT,
+) -> Fitted:
+    """Search from `x` and initial states `start`.
+
+    `free` tells which numbers are searched, None: all; `ended` is asked before each step, and one that
+    improves the mean log error by less than `enough` is the last.
+    """
+    free = np.ones(len(x), np.bool_) if free is None else free
+    search = LeastSquares(model, cut, each, free)
+    if np.any(cut.slack > 0.0) and most > 1:
+        near = LeastSquares(model, rounded(cut), each, free).run(x, start, most // 2, ended)
+        most -= most // 2
+        if search.costs(near.x, near.start) < search.costs(x, start):
+            x, start = near.x, near.start
+    return search.run(x, start, most, ended, enough)
+
+
+class Place(NamedTuple):
+    """Where a search is.
+
+    Attributes:
+        x: Searched numbers, shape (p,).
+        start: Initial states, shape (w, 7).
+        residual: Where there are samples, shape (n,).
+        error: Mean squared error of each window, shape (w,).
+    """
+
+    x: Array
+    start: Array
+    residual: Array
+    error: Array
+
+
+class LeastSquares:
+    """A search under way: what is measured, and what is free."""
+
+    def __init__(self, model: Model, cut: Cut, each: Each, free: Mask) -> None:
+        self.model, self.cut, self.each = model, cut, each
+        self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
+        self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
+        self.floor = least_square(cut)
+        self.soft: Softness | None = None
+        low, high = model.bounds
+        self.low, self.high = low, high
+        self.free = np.flatnonzero(free & (low < high))
+        self.reach = np.array(
+            [LARGEST_LOG_STEP if c.logarithm else LARGEST_LINEAR_STEP for c in model.coordinates]
+        )
+        self._last: tuple[Array, NDArray[np.void]] | None = None
+
+    def run(
+        self,
+        x: Array,
+        start: Array,
+        most: int,
+        ended: Callable[[], bool] = lambda: False,
+        enough: float = LEAST_IMPROVEMENT,
+    ) -> Fitted:
+        """At most so many steps from searched numbers and initial states."""
+        at = Place(x, start, *self.tried(x, start))
+        curvature = np.zeros((len(x), len(x)))
+        damping = 1e-2
+        for _ in range(most):
+            if ended():
+                break
+            if jumps(self.record(at.x)):
+                self.soft = softness(self.record(at.x), self.cut, at.start)
+                at = Place(at.x, at.start, *self.tried(at.x, at.start))
+            before = self.cost(at.error)
+            parts = self.derivatives(*at)
+            curvature = parts.curvature()
+            bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
+            for _ in range(_DAMPINGS_TRIED if self.soft is None else 2 * _DAMPINGS_TRIED):
+                found = self.stepped(parts, at, damping, bounds)
+                if found is not None or ended():
+                    break
+                damping *= 6.0
+            if found is None:
+                break
+            at, damping = found, max(damping / 6.0, 1e-9)
+            if before - self.cost(at.error) < enough:
+                break
+        if self.soft is not None:
+            self.soft = None
+            at = at._replace(error=self.tried(at.x, at.start)[1])
+        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error), curvature)
+
+    def stepped(self, parts: Normal, at: Place, damping: float, bounds: tuple[Array, Array]) -> Place | None:
+        """Where a step leads; None: nowhere better.
+
+        Where the bent step worsens things, the initial states that belong to the straight one are looked for:
+        they do not change in proportion where friction holds the load.
+        """
+        straight = parts.step(damping, *bounds)
+        better = self.better(at, *self.bent(straight, parts, at, damping, bounds))
+        if better is not None or not len(self.free):
+            return better
+        x, start = at.x + straight[0], at.start + straight[1]
+        start = settle(self.model, self.cut, x, start, self.good, SETTLING_STEPS)
+        settled = Place(x, start, *self.tried(x, start))
+        return settled if self.cost(settled.error) < self.cost(at.error) else None
+
+    def bent(
+        self,
+        straight: tuple[Array, Array],
+        parts: Normal,
+        at: Place,
+        damping: float,
+        bounds: tuple[Array, Array],
+    ) -> tuple[Array, Array]:
+        """A step along the bend of the valley: with the second derivative in its own direction.
+
+        Geodesic acceleration: Transtrum, Sethna, arXiv:1201.5885. Straight where it is no small correction.
+        """
+        step, states = straight
+        if not step.any():
+            return straight
+        ahead, _ = self.tried(at.x + _AHEAD * step, at.start + _AHEAD * states)
+        second = (2.0 / _AHEAD) * ((at.residual - ahead) / _AHEAD - parts.along(step, states))
+        turn, moved = parts.step(damping, *bounds, right=parts.projected(-0.5 * second))
+        if not parts.length(turn) < _BEND * parts.length(step):
+            return straight
+        return np.clip(step + turn, *bounds), states + moved
+
+    def cost(self, error: Array) -> float:
+        """Mean log error; 0 where no row counts."""
+        return float(self.count @ np.log(error + self.floor)) / max(float(self.count.sum()), 1.0)
+
+    def costs(self, x: Array, start: Array) -> float:
+        """Mean log error of searched numbers and initial states."""
+        return self.cost(self.tried(x, start)[1])
+
+    def record(self, x: Array) -> NDArray[np.void]:
+        """The kernel's parameters; those asked for last are kept."""
+        if self._last is None or not np.array_equal(x, self._last[0]):
+            self._last = x.copy(), self.model.record(x)
+        return self._last[1]
+
+    def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
+        """Residual where there are samples, and each window's mean squared error."""
+        residual = np.where(self.good, _weighted(self.record(x), self.cut, start, self.soft), 0.0)
+        square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
+        return residual, square / np.maximum(self.count, 1)
+
+    def better(self, at: Place, step: Array, states: Array) -> Place | None:
+        """After a step of the numbers and one of the initial states, if it is an improvement.
+
+        A window that its new initial state makes worse goes a part of the way there, or keeps the old one.
+        """
+        x = at.x + step
+        new, residual, now = self.moved(x, at.start, states, 1.0)
+        for part in (STATE_PART, 0.0):
+            worse = ~(now < at.error)
+            if not worse.any():
+                break
+            less, other, then = self.moved(x, at.start, states, part)
+            for w in np.flatnonzero(worse & (then < now)):
+                new[w], now[w] = less[w], then[w]
+                residual[self.slices[w]] = other[self.slices[w]]
+        return Place(x, new, residual, now) if self.cost(now) < self.cost(at.error) else None
+
+    def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
+        """Initial states after a part of their step, with residual and errors."""
+        new = start + part * states
+        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.record(x)))
+        return new, *self.tried(x, new)
+
+    def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
+        """Normal equations of all windows."""
+        states, sizes = self.model.states, self.model.state_sizes
+        ranges = np.full(len(sizes), np.inf)
+        ranges[LOOSE] = loosest(self.record(x))
+        sizes = np.minimum(sizes, STATE_STEP_PART * ranges)
+        steps = np.where(x + DERIVATIVE_STEP > self.high, -DERIVATIVE_STEP, DERIVATIVE_STEP)
+        trials = self._trials(x, start, sizes, steps)
+        others = self.each(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
+        divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
+        columns = [
+            np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
+        ]
+        every = np.stack([*columns, residual], axis=1)
+        if LOOSE in states:
+            self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
+        weights = 1.0 / (error + self.floor)
+        products = [
+            w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
+        ]
+        table = Table(every, weights, self.slices)
+        prior = (sizes / ranges)[states] ** 2
+        return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
+
+    def _trials(
+        self, x: Array, start: Array, sizes: Array, steps: Array
+    ) -> list[tuple[NDArray[np.void], Array]]:
+        """Plants and initial states of which each one is changed: free states first, then free numbers."""
+        record, trials = self.record(x), []
+        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
+        for column in self.model.states:
+            moved = start.copy()
+            moved[:, column] += sizes[column]
+            if column == VELOCITY:  # a load that sticks has none: a little more would stop at once
+                moved[sticks, column] = 0.0
+            trials.append((record, moved))
+        for k in self.free:
+            other = x.copy()
+            other[k] += steps[k]
+            trials.append((self.model.record(other), start))
+        return trials
+
+    def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
+        """Keep windows whose looseness is at an end of its range there, where it would go beyond."""
+        for w in np.flatnonzero((loose <= 0.0) | (loose >= most)):
+            rows = every[self.slices[w]]
+            further = np.linalg.lstsq(rows[:, : len(self.model.states)], rows[:, -1])[0][k]
+            if (further < 0.0) == (loose[w] <= 0.0):
+                rows[:, k] = 0.0
+
+
+def rounded(cut: Cut) -> Cut:
+    """The same, rounding as white noise: from afar it leads to the right place, not quite into it."""
+    every = [replace(one, slack=0.0, level=one.noise, allowed=one.noise) for one in cut.series]
+    return Cut(every, cut.windows)
+
+
+def least_square(cut: Cut) -> Array:
+    """Of each window's mean squared error what makes no difference; a coarse sensor's may be none at all."""
+    some = np.array([cut.series[k].slack > 0.0 for k, _, _ in cut.windows])
+    return np.asarray((np.where(some, 0.5, 1e-3) * cut.noise) ** 2 + 1e-300)
+
+
+def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
+    """Residual, less where the reading jumps; shape (n,). Its square is finite."""
+    return _weighted(model.record(x), cut, start, None)
+
+
+def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness | None) -> Array:
+    ramp, level = soft or Softness.least(cut)
+    seen, more = smooth(record, cut, start, ramp)
+    residual = beyond(cut.gathered("y") - seen, cut.slack)
+    if more.any():
+        residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
+    return np.fmin(np.fmax(residual, -1e100), 1e100)  # of what is no number, one of them
+
+
+def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
+    """Initial states fitted to these `rows` only, the parameters given; shape (w, 7)."""
+    search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
+    search.good = search.good & rows
+    search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
+    return search.run(x, start, most).start

@@ -1,0 +1,160 @@
+"""A model to be fitted: which effects are free, and the kernel's record for searched numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.causes.base import BASE, base
+from seod.diagnose.causes.table import CAUSES, bound_to, group
+from sim.effects import EFFECTS
+from sim.parameters import parameters
+from sim.windows import START
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from seod.diagnose.causes.record import Coordinate
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.result import Array, Effects
+
+SEARCH_ACCURACY: Final = 0.3
+"""Substep times the fastest rate in a search: readings then differ by some 1e-4 of the movement at most."""
+SHORTEST_SUBSTEP: Final = 0.03
+"""Substeps that an orifice asks for, over the longest: a search need not come nearer to its limit."""
+QUICK_POLE: Final = 1.0
+STABLE_SUBSTEP: Final = 1.5
+"""A pole that decays within a tick need not be followed: above `QUICK_POLE` times the sampling rate
+substeps grow, as far as the method is stable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Eq. 1 with effects, some of them free.
+
+    Attributes:
+        scales: Sizes in the recordings.
+        names: Effects whose parameters are free.
+        coordinates: What is searched, K_L, omega_n and zeta first.
+        fixed: Effects of the rig's model that stay as they are.
+        sees_speed: The sensor sees the speed.
+        accuracy: Of the simulation, see `sim.parameters`.
+    """
+
+    scales: Scales
+    names: tuple[str, ...]
+    coordinates: tuple[Coordinate, ...]
+    fixed: Mapping[str, Mapping[str, float]]
+    sees_speed: bool
+    accuracy: float = SEARCH_ACCURACY
+
+    @property
+    def states(self) -> list[int]:
+        """Columns of a window's initial state that are free."""
+        of_plant = ("pressure", "velocity") if self.sees_speed else ("pressure", "velocity", "position")
+        free = {*of_plant, *(state for name in self._on for state in CAUSES[name].states)}
+        return [column for column, state in enumerate(START) if state in free]
+
+    @property
+    def _on(self) -> set[str]:
+        return {*self.names, *(CAUSES.keys() & self.fixed.keys())}
+
+    @property
+    def state_sizes(self) -> Array:
+        """A small change of each column of an initial state, shape (7,)."""
+        s = self.scales
+        reading = s.speed if self.sees_speed else s.swing
+        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading, s.swing]
+        return 1e-3 * np.maximum(sizes, 1e-30)
+
+    def values(self, x: Array) -> Values:
+        """Parameters at searched numbers."""
+        return {c.place: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True)}
+
+    def searched(self, values: Mapping[str, float]) -> Array:
+        """Searched numbers of parameters, within bounds."""
+        return np.array([c.searched(values[c.place]) for c in self.coordinates])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Of the searched numbers."""
+        low, high = zip(*(c.bounds for c in self.coordinates), strict=True)
+        return np.array(low), np.array(high)
+
+    def effects(self, x: Array) -> Effects:
+        """All that is switched on, free or not, as `sim.parameters` takes it."""
+        free = grouped(self.values(x))
+        for name in free:
+            within = CAUSES[name].within
+            if within is not None:
+                within(free, self.scales)
+        return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
+
+    def record(self, x: Array) -> NDArray[np.void]:
+        """The kernel's parameters."""
+        values = self.values(x)
+        K_L, omega_n, zeta = (values[name] for name in BASE)
+        speed = float(self.sees_speed)
+        accuracy = tolerance(omega_n, zeta, self.scales.tick_s, self.accuracy)
+        effects = self.effects(x)
+        return parameters(
+            K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SHORTEST_SUBSTEP, measures_speed=speed
+        )
+
+    def with_effect(self, name: str) -> Model:
+        """The same with one effect more, or with one of the rig's freed."""
+        names = (*self.names, name)
+        coordinates = (*self.coordinates, *group(name, self.scales).coordinates)
+        fixed = {of: values for of, values in self.fixed.items() if of != name}
+        return replace(self, names=names, coordinates=coordinates, fixed=fixed)
+
+    def turned(self, K_L: float) -> Model:
+        """The same for a plant whose gain has the sign of this one."""
+        gain, *others = self.coordinates
+        if gain.low == gain.high:  # it is known
+            return self
+        return replace(self, coordinates=(replace(gain, scale=math.copysign(1.0, K_L)), *others))
+
+    def without(self, name: str) -> Model:
+        """The same without one of the free effects; with it go those that act only beside it."""
+        gone = {name, *bound_to(name)}
+        names = tuple(each for each in self.names if each not in gone)
+        kept = tuple(c for c in self.coordinates if c.place.split(".")[0] not in gone)
+        return replace(self, names=names, coordinates=kept)
+
+
+def tolerance(omega_n: float, zeta: float, tick_s: float, accuracy: float = SEARCH_ACCURACY) -> float:
+    """Of a search's simulation, see `sim.parameters`: poles quicker than a tick need not be followed."""
+    quick = omega_n * max(1.0, 2.0 * zeta) * tick_s
+    return min(accuracy * max(1.0, quick / QUICK_POLE), STABLE_SUBSTEP)
+
+
+def baseline_model(
+    scales: Scales,
+    sign: float,
+    sees_speed: bool,
+    fixed: Mapping[str, Mapping[str, float]],
+    gain: float | None = None,
+) -> Model:
+    """Eq. 1, with the effects that the rig's file has; `gain` is K_L where it is known."""
+    return Model(scales, (), base(sign, scales, gain), fixed, sees_speed)
+
+
+def grouped(values: Mapping[str, float]) -> Effects:
+    """Parameters of effects by effect; waves as amplitude and phase."""
+    out: Effects = {}
+    for place, value in values.items():
+        name, _, of = place.partition(".")
+        if of:
+            out.setdefault(name, {})[of] = value
+    for name in out:
+        if CAUSES[name].wave is None:
+            continue
+        sine, cosine = out[name].pop("sine"), out[name].pop("cosine")
+        out[name] |= {"amplitude": math.hypot(sine, cosine), "phase": math.atan2(cosine, sine)}
+    return {name: out[name] for name in EFFECTS if name in out}

@@ -1,0 +1,71 @@
+"""Simulations of windows, and of what a window's initial state does to them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.fitting import work
+from sim.physics import friction_level
+from sim.state import new_state
+from sim.windows import INSIDE, START, follow_windows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array
+
+STATES = len(START)
+PRESSURE, VELOCITY, POSITION, VELOCITY_2, POSITION_2, LAGGED, LOOSE = range(STATES)
+"""Columns of initial states, `sim.windows.START`."""
+FOLLOWED, LOOSE_INSIDE = INSIDE.index("followed"), INSIDE.index("loose")
+"""Further columns of what is inside, `sim.windows.INSIDE`; its first three are as of `START`."""
+LEFT_RECORDING: Final = 1e3
+"""Largest reading of a recording, times which a simulation has left it."""
+_NOTHING = np.empty((0, len(INSIDE)))
+
+
+def simulate(record: NDArray[np.void], cut: Cut, start: Array) -> Array:
+    """What is measured, windows end to end, from initial states of shape (w, 7)."""
+    return _run(record, cut, start, states=False)[0]
+
+
+def inside(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Array]:
+    """Likewise, and the load's state, `sim.windows.INSIDE`, shape (n, 5)."""
+    return _run(record, cut, start, states=True)
+
+
+def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> tuple[Array, Array]:
+    seen, within = [], []
+    for k, one in enumerate(cut.series):
+        own = [w for w, (of, _, _) in enumerate(cut.windows) if of == k]
+        if not own:
+            continue
+        first = np.array([cut.windows[w][1] for w in own], np.int64)
+        last = np.array([cut.windows[w][2] for w in own], np.int64)
+        begin = float(min(one.t[0], one.t_u[0]))
+        valve, load = new_state(record, begin), new_state(record, begin)
+        load["origin"] = one.t[0]
+        y = np.empty(len(one.t))
+        z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
+        given = *one.drive, one.t, one.supply, one.warmth, one.force
+        limit = LEFT_RECORDING * float(np.max(np.abs(one.y)))
+        follow_windows(record[0], valve[0], load[0], *given, first, last, start[own], limit, y, z)
+        work.spend(float(load["steps"][0]), int(np.sum(last - first)))
+        seen += [y[a:b] for a, b in zip(first, last, strict=True)]
+        within += [z[a:b] for a, b in zip(first, last, strict=True)]
+    return np.concatenate(seen), np.concatenate(within)
+
+
+def loosest(record: NDArray[np.void]) -> float:
+    """How far the load may be from the flank that it runs against, or bristles from their bend [unit].
+
+    Infinite where nothing is loose.
+    """
+    plant, gap = record[0], float(record[0]["backlash_gap"])
+    if plant["lugre_friction_stiffness"] > 0.0:
+        gap = 2.0 * float(friction_level(plant, 0.0) / plant["lugre_friction_stiffness"])
+    return gap or math.inf

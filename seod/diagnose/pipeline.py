@@ -1,0 +1,301 @@
+"""From recordings to a diagnosis: baseline, causes, what they gain, what is left."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from seod.diagnose.causes.base import BASE
+from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
+from seod.diagnose.extend.rig_baseline import rated
+from seod.diagnose.fitting.free_run import fitted_in_one_run
+from seod.diagnose.fitting.held_out import simulate_held_out
+from seod.diagnose.fitting.initial_states import measured_places, simulated_states
+from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.linear_gain import linear_gain
+from seod.diagnose.fitting.window_halves import finer, one_sided
+from seod.diagnose.fitting.work import counted
+from seod.diagnose.record.blocks import in_blocks
+from seod.diagnose.record.closed_form import ClosedForm, Told, closed_form, output_type
+from seod.diagnose.record.column_checks import different_units, gain_remarks
+from seod.diagnose.record.defects import examine
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, segments, whole_windows
+from seod.diagnose.result import RELEVANCE, Common, DiagnoseError
+from seod.diagnose.search.beam import grow
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.search.final_choice import Choice, choose
+from seod.diagnose.search.refine import fitted_over_all
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.baseline import Begun, Known, baseline
+from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
+from seod.diagnose.starts.sizes import scales
+from seod.diagnose.verdict.answer import Found, answered, trimmed
+from seod.diagnose.verdict.effects import Chosen, found_effects
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from seod.config.model import RigConfig
+    from seod.data import Recording
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.result import Diagnosis, Hold, Output
+    from seod.diagnose.search.budget import Effort
+    from seod.diagnose.search.screen import Screen
+
+    Progress = Callable[[str, float], None]
+
+MOSTLY_NOISE: Final = 0.7
+"""NRMSE of noise alone from which on nothing can be told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user tells.
+
+    Attributes:
+        output: What `y` is; None: both are tried.
+        config: The rig whose model is the baseline; None: Eq. 1.
+        axis: Of that rig; None: its first.
+        effort: How much may be simulated before no further cause is tried; `thorough`: all there is to try.
+        hold: Whether a command holds until the next row or runs straight on to it.
+        gain: K_L [unit/s/V] if it is known.
+        delay: From the command to the valve [s] if it is known, beyond the recordings' own times.
+        usual: What `y` is taken for if both outputs do about as well.
+        relevance: Systematic rest from which on it is `unexplained`, over the movement's standard deviation.
+    """
+
+    output: Output | None = "position"
+    config: RigConfig | None = None
+    axis: str | None = None
+    effort: Effort = "normal"
+    hold: Hold = "zero"
+    gain: float | None = None
+    delay: float | None = None
+    usual: Output = "position"
+    relevance: float = RELEVANCE
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording] = (),
+    options: Options | None = None,
+    progress: Progress = lambda _what, _part: None,
+) -> Diagnosis:
+    """Find what Eq. 1, or a rig's model, gets wrong in recordings.
+
+    Args:
+        recordings: At least one.
+        holdout: Further ones, that no fit sees.
+        options: See there.
+        progress: Called with what is being done and the part of all work that is.
+
+    Raises:
+        DiagnoseError: A recording tells nothing.
+    """
+    asked = options or Options()
+    if different := different_units([*recordings, *holdout]):
+        raise DiagnoseError(different)
+    output, closed, typed = _typed(recordings, asked)
+    sees_speed = output == "velocity"
+    rows = sum(len(each.t) for each in recordings)
+    budget = Budget.of(rows, asked.effort)
+    rig = rated(asked.config, asked.axis)
+    checked = [examine(each) for each in (*recordings, *holdout)]
+    every = [
+        series(
+            each,
+            defects.bad,
+            sees_speed=sees_speed,
+            step=defects.step,
+            late=defects.late,
+            taken=defects.taken,
+            hold=asked.hold,
+            nominal_ps=rig.conditions.get("nominal_ps"),
+            nominal_temperature=rig.conditions.get("nominal_temperature"),
+            nominal_f=_mean_force(recordings),
+        )
+        for each, defects in zip((*recordings, *holdout), checked, strict=True)
+    ]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool, threadpool_limits(1, "blas"):
+        way = _Way(sees_speed, _known(asked, rig.effects), counted(pool.map), budget, progress)
+        progress("fitting Eq. 1", 0.0)
+        searched = in_blocks(every[: len(recordings)])
+        start = _start(searched, way)
+        unseen = _with(start.held_out, in_blocks(every[len(recordings) :]))
+        found = _search(start, unseen, way, closed)
+        if any(defects.has_outliers for defects in checked):
+            found = trimmed(found)
+        common = _common(start, way, closed)
+    progress("comparing", 0.9)
+    answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
+    answer = replace(answer, baseline=replace(answer.baseline, common=common))
+    name = str(recordings[0].paths[0])
+    remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
+    remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
+    answer = replace(answer, remarks=(*typed, *answer.remarks, *remarks, *budget.remarks))
+    progress("done", 1.0)
+    return answer
+
+
+def _mean_force(recordings: Sequence[Recording]) -> float | None:
+    """Of a measured disturbance over all recordings that are fitted; what is above it acts."""
+    means = [float(np.nanmean(each.f)) for each in recordings if each.f is not None]
+    return float(np.mean(means)) if means else None
+
+
+def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, ClosedForm, list[str]]:
+    """What y is, Eq. 1 in closed form, and what is said where nobody tells what y is."""
+    told = Told(asked.hold, asked.gain, asked.delay)
+    if asked.output is not None:
+        return asked.output, closed_form(recordings, asked.output, told), []
+    tried: dict[Output, ClosedForm] = {
+        "position": closed_form(recordings, "position", told),
+        "velocity": closed_form(recordings, "velocity", told),
+    }
+    output, sentence = output_type({each: tried[each].nrmse for each in tried}, asked.usual)
+    return output, tried[output], [sentence]
+
+
+def _known(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Known:
+    """The rig's effects, and what the user tells."""
+    told = {} if asked.delay is None else {LATE: {"time": asked.delay}}
+    return Known({**effects, **told}, asked.gain, frozenset(told))
+
+
+class _Way(NamedTuple):
+    """How it is searched: `known` are effects of the rig's model, and what the user tells."""
+
+    sees_speed: bool
+    known: Known
+    each: Each
+    budget: Budget
+    progress: Progress
+
+
+class _Start(NamedTuple):
+    """Where causes are searched: windows to fit, windows held out, and Eq. 1 on them."""
+
+    to_fit: Cut
+    held_out: Cut
+    screened: Screen
+    begun: Begun
+    base: Judged
+
+
+def _long(searched: Sequence[Series]) -> str:
+    seconds = sum(float(one.t[b - 1] - one.t[a]) for one in searched for a, b in one.blocks)
+    return (
+        f"a long recording: causes were searched in blocks of it, {seconds:.0f} s together; the extended "
+        "model's numbers are fitted to all of it"
+    )
+
+
+def _with(held_out: Cut, others: Sequence[Series]) -> Cut:
+    """Windows held out of the recordings, and all those of recordings that no fit sees."""
+    every = [*held_out.series, *others]
+    more = [one for one in whole_windows(every) if one[0] >= len(held_out.series)]
+    told = (one for one in more if can_be_scored(every[one[0]], *one[1:]))
+    return Cut(every, (*held_out.windows, *told))
+
+
+def _start(every: Sequence[Series], way: _Way) -> _Start:
+    """With so many windows that both halves show what Eq. 1 does not, if there are such."""
+    usual = _started(*cut(every), way)
+    fitted = usual.base.found
+    if one_sided(Judged.of(fitted, usual.to_fit).held, usual.base.held):
+        others = finer(every, fitted)
+        if others is not None:
+            return _started(*others, way)
+    return usual
+
+
+def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
+    small = segments(to_fit)
+    screened = screen(small, way.each, way.budget)
+    begun = baseline(screened.cut, way.sees_speed, way.known.effects, way.each, way.known.gain)
+    first = begun.best
+    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=way.each)
+    plain = simulate_held_out(base.model, base.x, held_out)
+    if plain.floor > MOSTLY_NOISE:
+        raise DiagnoseError(
+            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
+            "a diagnosis needs a movement"
+        )
+    return _Start(to_fit, held_out, screened.watching(base), begun, Judged(base, plain))
+
+
+def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Found:
+    to_fit, held_out, screened, begun, base = start
+    small, progress = segments(to_fit), way.progress
+    begun = hidden_by_offset(begun, base, closed)
+    near = begun.closed or begun.near
+    sizes = replace(scales(near, near.cut), told=way.known.told)
+    if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
+        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
+    starts = search_roots(base.found, begun, sizes, screened.cut)
+    progress("trying causes", 0.1)
+    grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
+    progress("fitting the best", 0.6)
+    choice = choose(base, grown, small, held_out, screened)
+    progress("measuring the gain", 0.8)
+    base, chosen = _measured(choice, start, unseen, way)
+    effects = found_effects(chosen, screened, grown.tried)
+    seen = Judged.of(chosen.over_all, to_fit).held
+    return Found(base.found, base.held, chosen, seen, tuple(effects), grown)
+
+
+def _common(start: _Start, way: _Way, closed: ClosedForm) -> Common:
+    """Eq. 1 with what every user would give it: a constant offset of u, or of a speed y, and a delay."""
+    base, small = start.base.found, segments(start.to_fit)
+    sizes = replace(scales(base, base.cut), told=way.known.told)
+    begins = (
+        [base.model.values(base.x), dict(closed.values)] if closed.values else [base.model.values(base.x)]
+    )
+    found = min((_with_common(start.base.found.model, sizes, one, small, way) for one in begins), key=_cost)
+    values = found.model.values(found.x)
+    delay = values.get(LATE_PLACE, way.known.effects.get(LATE, {}).get("time", 0.0))
+    K_L, omega_n, zeta = (values[name] for name in BASE)
+    volts = -2.0 * zeta * values[OFFSET_PLACE] / (omega_n * K_L)
+    held = simulate_held_out(found.model, found.x, start.held_out)
+    return Common(K_L, omega_n, zeta, volts, delay, held.nrmse)
+
+
+def _cost(found: Fitted) -> float:
+    return found.cost
+
+
+def _with_common(model: Model, sizes: Scales, begin: Values, small: Cut, way: _Way) -> Fitted:
+    """Eq. 1 with offset and delay, from this plant."""
+    model = replace(model, scales=sizes).turned(begin["K_L"])
+    values = {of: begin[of] for of in BASE} | {LATE_PLACE: begin.get("delay", 0.0)}
+    model = model if LATE in sizes.told else model.with_effect(LATE)
+    K_L, bias, _ = linear_gain(model, small, model.searched(values), measured_places(small), way.known.gain)
+    if K_L * values["K_L"] > 0.0:
+        values["K_L"] = K_L
+    model = model.with_effect(OFFSET)
+    x = model.searched(values | {OFFSET_PLACE: bias})
+    return fit(model, small, x, simulated_states(model, x, small), each=way.each)
+
+
+def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Judged, Chosen]:
+    """Baseline and set as they are told: numbers by all rows but those held out, figures by all unseen."""
+    best = choice.best.found
+    over_all = best
+    if any(len(one.blocks) > 1 for one in start.to_fit.series):
+        over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.each)
+    over_all = fitted_in_one_run(over_all, start.held_out, way.each, way.budget.last_fit())
+    if over_all is best and unseen.windows == start.held_out.windows:
+        return choice.base, Chosen(best, best, choice.without, choice.best.held)
+    every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
+    base, own, *rest = way.each(lambda one: Judged.of(one, unseen), every)
+    return base, Chosen(best, over_all, dict(zip(choice.without, rest, strict=True)), own.held)

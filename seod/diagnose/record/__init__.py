@@ -1,0 +1,1 @@
+"""What the recordings are: their windows, noise and defects."""

@@ -1,0 +1,90 @@
+"""Eq. 1 in closed form, with a constant offset and a delay, as `seod identify` fits it.
+
+It tells whether y follows the integral of u (a position: type 1) or u itself (a speed: type 0) where nobody
+says, and where the plant is that an offset or a delay hides.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.identify.fit import fit
+from seod.identify.problem import Given
+from seod.identify.record import IdentifyError, Record, UntoldError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from seod.data import Recording
+    from seod.diagnose.result import Hold, Output
+
+CLEARLY: Final = 0.6
+"""NRMSE of the other type over that of the usual one, below which y is taken for the other; chosen."""
+SAMPLES: Final = 6000
+"""Of a recording, to which it is fitted."""
+TYPES: Final = {"position": "type 1: y follows the integral of u", "velocity": "type 0: y follows u itself"}
+
+
+class Told(NamedTuple):
+    """What the user tells of a plant.
+
+    Attributes:
+        hold: Whether each command holds until the next or runs straight on to it.
+        gain: K_L [unit/s/V] if it is known.
+        delay: Likewise [s].
+    """
+
+    hold: Hold = "zero"
+    gain: float | None = None
+    delay: float | None = None
+
+
+class ClosedForm(NamedTuple):
+    """The best plant: K_L, omega_n, zeta and delay by name, none where none was found, and its NRMSE."""
+
+    values: Mapping[str, float]
+    nrmse: float
+
+
+def closed_form(recordings: Sequence[Recording], output: Output, told: Told) -> ClosedForm:
+    """Eq. 1 with an offset, and a delay where none is known, fitted to whole recordings."""
+    try:
+        records = [
+            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=told.hold).thinned(SAMPLES)
+            for each in recordings
+        ]
+        with np.errstate(all="ignore"):
+            found = fit(records, Given(told.gain, told.delay))
+    except (UntoldError, IdentifyError, np.linalg.LinAlgError, ArithmeticError, ValueError):
+        return ClosedForm({}, math.inf)
+    return (
+        ClosedForm(found.value, float(found.nrmse))
+        if math.isfinite(found.nrmse)
+        else ClosedForm({}, math.inf)
+    )
+
+
+def output_type(left: Mapping[Output, float], usual: Output) -> tuple[Output, str]:
+    """What y is taken for, and a sentence that says so.
+
+    Args:
+        left: NRMSE of the best plant by what y is.
+        usual: What y is unless the other is clearly nearer.
+    """
+    other: Output = "velocity" if usual == "position" else "position"
+    chosen, rest = (other, usual) if left[other] < CLEARLY * left[usual] else (usual, other)
+    return chosen, (
+        f"y is taken for a {_word(chosen)} ({TYPES[chosen]}): Eq. 1 with offset and delay leaves "
+        f"{_percent(left[chosen])}, as a {_word(rest)} {_percent(left[rest])}; --output says which it is"
+    )
+
+
+def _word(output: Output) -> str:
+    return "position" if output == "position" else "speed"
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.3g} %" if math.isfinite(part) else "more than there is"

@@ -1,0 +1,104 @@
+"""Columns, units and signs that are wrong, by what no plant does."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.data import Recording
+    from seod.diagnose.result import Array
+
+SLOWEST_HZ: Final = 5.0
+"""Rate below which times are more likely milliseconds than seconds."""
+SAME_SIGNAL: Final = 0.99999
+"""Correlation of two columns that are one signal."""
+_UNITS: Final = {
+    math.degrees(1.0): "degrees for radians",
+    1e3: "thousandths for the unit itself",
+    1e6: "millionths for the unit itself",
+    60.0 / (2.0 * math.pi): "turns a minute for rad/s",
+    2.0 * math.pi: "turns for radians",
+    25.4: "mm for inches",
+}
+_UNIT_TOLERANCE: Final = 0.15
+"""Logarithm by which a ratio may miss the unit's."""
+
+
+def column_remarks(name: str, recording: Recording) -> list[str]:
+    """What is wrong with the columns themselves."""
+    u, y = recording.u, recording.y
+    both = np.isfinite(u) & np.isfinite(y)
+    if np.count_nonzero(both) < 50 or np.ptp(u[both]) == 0.0 or np.ptp(y[both]) == 0.0:
+        return []
+    t, u, y = recording.t[both], u[both], y[both]
+    remarks = []
+    if recording.rate_hz < SLOWEST_HZ:
+        remarks.append(
+            f"{name}: {recording.rate_hz:.3g} samples a second: is t in ms? Then give --units t=ms"
+        )
+    if _one_signal(y, t):
+        remarks.append(f"{name}: y is a straight line over t: the wrong column? Give --columns y=...")
+    elif _one_signal(y, u):
+        remarks.append(
+            f"{name}: y is u at another scale, without any delay: the wrong column? Give --columns"
+        )
+    elif _steps(y) and not _steps(u):
+        remarks.append(
+            f"{name}: y jumps between few values and u runs smoothly: are the columns exchanged? "
+            "Give --columns u=...,y=..."
+        )
+    return remarks
+
+
+def _one_signal(a: Array, b: Array) -> bool:
+    return abs(float(np.corrcoef(a, b)[0, 1])) > SAME_SIGNAL
+
+
+def _steps(x: Array) -> bool:
+    """Takes few values and seldom leaves one: a command, not a movement."""
+    change = np.abs(np.diff(x))
+    return len(np.unique(x)) < 20 and float(np.max(change)) > 0.3 * float(np.ptp(x))
+
+
+def different_units(recordings: Sequence[Recording]) -> str:
+    """Where recordings that one model is to explain are in different units; "" where they are not."""
+    first = recordings[0]
+    for each in recordings[1:]:
+        for role in ("u", "y"):
+            one, other = first.units.get(role, ""), each.units.get(role, "")
+            if one and other and one != other:
+                return (
+                    f"{each.paths[0]}: {role} is in {other}, in {first.paths[0]} in {one}: "
+                    f"give --units {role}=... that holds for all files"
+                )
+    return ""
+
+
+def gain_remarks(name: str, K_L: float, expected: float | None = None) -> list[str]:
+    """What a fitted gain [unit/s/V] says about sign and unit; `expected`: the rig file's."""
+    remarks = []
+    if K_L < 0.0 and not (expected and expected < 0.0):
+        remarks.append(f"{name}: the fitted K_L is negative: the sign of u or of y is turned round")
+    if expected:
+        found = _unit(abs(K_L / expected))
+        if found:
+            remarks.append(
+                f"{name}: K_L is {abs(K_L / expected):.3g} times that of the rig file: {found}? "
+                "Give --units y=..."
+            )
+    return remarks
+
+
+def _unit(ratio: float) -> str:
+    if not ratio > 0.0:
+        return ""
+    for factor, text in _UNITS.items():
+        for sign in (1.0, -1.0):
+            if abs(math.log(ratio) - sign * math.log(factor)) < _UNIT_TOLERANCE:
+                return text if sign > 0.0 else " for ".join(reversed(text.split(" for ")))
+    return ""

@@ -1,0 +1,101 @@
+"""Single samples that are far off, by the pattern that each leaves in fourth differences."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import log_ndtr, ndtr
+
+from seod.diagnose.record.fourth_differences import NORM, PATTERN
+
+if TYPE_CHECKING:
+    from seod.diagnose.record.fourth_differences import Stencils
+    from seod.diagnose.result import Array, Mask
+
+OUTLIER_BEYOND: Final = 9.0
+"""Noise deviations from which a sample is none of the rest; its estimate has 1.4 of them itself."""
+LIKENESS: Final = 0.9
+"""Part of five neighbouring differences' squares that the pattern tells; a corner of the signal has less."""
+MOST_OUTLIERS: Final = 0.1
+"""Part of the samples; where more seem to be, it is the signal."""
+CORNER: Final = 1.5
+"""Turn of the signal's slope across a sample, over its error: one that is off makes none, a corner three."""
+FEWEST_OUTLIERS: Final = 3
+_IMPOSSIBLE: Final = 1e-300
+
+
+@dataclass(frozen=True, slots=True)
+class Outliers:
+    """Rows that are off, and the law behind them: a part `rate` with normal errors of deviation `size`."""
+
+    rows: np.ndarray[tuple[int], np.dtype[np.int64]]
+    values: dict[str, float] = field(default_factory=dict)
+    ci95: dict[str, tuple[float, float]] = field(default_factory=dict)
+    p_value: float = 1.0
+
+
+def outliers(found: Stencils, noise: Array) -> Outliers:
+    """Of a recording's stencils; `noise` is the deviation of the sample in the middle of each, shape (m,)."""
+    error = found.difference / PATTERN[2]
+    far = found.usable & (np.abs(error) > OUTLIER_BEYOND * noise) & _alone(found, noise)
+    far &= ~(_jumps(found, error, noise) | _corners(found, error))
+    rows, sizes = found.middle[far], np.abs(error[far])
+    if not FEWEST_OUTLIERS <= len(rows) <= MOST_OUTLIERS * len(error):
+        return Outliers(rows if len(rows) < FEWEST_OUTLIERS else rows[:0])
+    count = len(found.usable)
+    threshold = min(OUTLIER_BEYOND * float(np.median(noise)), float(np.min(sizes)))
+    size, sd = _size(sizes, threshold)
+    seen = 2.0 * float(ndtr(-threshold / size))
+    rate = len(rows) / count / seen
+    if rate > MOST_OUTLIERS:
+        return Outliers(rows[:0])
+    width = 1.96 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
+    ends = {
+        "rate": (max(0.0, rate - width), min(1.0, rate + width)),
+        "size": (max(0.0, size - 1.96 * sd), size + 1.96 * sd),
+    }
+    return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
+
+
+def _jumps(found: Stencils, error: Array, noise: Array) -> Mask:
+    """Whether the signal goes on from another level behind the sample than before it."""
+    before, behind = found.samples[:, 1] - found.samples[:, 0], found.samples[:, 4] - found.samples[:, 3]
+    across = found.samples[:, 3] - found.samples[:, 1] - before - behind
+    return np.asarray(np.abs(across) > np.maximum(0.6 * np.abs(error), 10.0 * noise))
+
+
+def _corners(found: Stencils, error: Array) -> Mask:
+    """Whether the signal goes on at another slope: a corner in the middle is seen as a third of its turn."""
+    before, behind = (
+        (found.samples[:, k + 1] - found.samples[:, k]) / (found.ticks[:, k + 1] - found.ticks[:, k])
+        for k in (0, 3)
+    )
+    return np.asarray((behind - before) * np.sign(-error) > CORNER * np.abs(error))
+
+
+def _alone(found: Stencils, noise: Array) -> Mask:
+    """Whether the differences around a sample show one error in it, not a corner of the signal."""
+    near = np.pad(found.difference, 2)
+    around = np.lib.stride_tricks.sliding_window_view(near, 5)
+    told = (around @ PATTERN / NORM) ** 2
+    left = np.sum(around**2, axis=1) - told
+    largest = np.max(np.abs(around), axis=1) <= np.abs(found.difference) * (1.0 + 1e-12)
+    return np.asarray(largest & (left < (1.0 - LIKENESS) * told + 15.0 * (NORM * noise) ** 2))
+
+
+def _size(sizes: Array, threshold: float) -> tuple[float, float]:
+    """Deviation of a normal law of which only what is beyond the threshold is seen; and its own."""
+
+    def cost(log_size: float) -> float:
+        size = math.exp(log_size)
+        seen = float(log_ndtr(-threshold / size))
+        return float(np.sum(0.5 * (sizes / size) ** 2)) + len(sizes) * (log_size + seen)
+
+    middle = math.log(float(np.sqrt(np.mean(sizes**2))))
+    best = float(minimize_scalar(cost, bounds=(middle - 3.0, middle + 0.1), method="bounded").x)
+    bend = (cost(best + 0.05) - 2.0 * cost(best) + cost(best - 0.05)) / 0.05**2
+    return math.exp(best), math.exp(best) / math.sqrt(max(bend, 0.1))

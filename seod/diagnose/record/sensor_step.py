@@ -1,0 +1,102 @@
+"""The step of a coarse sensor, from how its readings gather around multiples."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from seod.diagnose.result import Array
+
+FEWEST_LEVELS: Final = 3
+_CELLS: Final = 1 << 17
+"""Of the histogram whose spectrum tells the circular mean for all steps at once."""
+_GATHERED: Final = 0.5
+"""Circular mean of readings that lie on a lattice; noise of a fifth of a step leaves 0.45."""
+_CONTRAST: Final = 0.35
+"""By which it stands out among steps of nearly the same size: readings at rest gather for all of them."""
+_EXACT: Final = 1e-3
+"""Part of a step by which readings of whole counts may be off."""
+_BESIDE: Final = 1.5
+"""Noise deviations that readings are beside whole counts, at most; its estimate is right to some percent."""
+_WITHIN_NOISE: Final = 1.5
+"""Steps of fewer noise deviations tell nothing that could be seen."""
+
+
+class Counts(NamedTuple):
+    """A sensor's step [unit of y], 0 where none is seen, and its standard deviation."""
+
+    step: float = 0.0
+    sd: float = 0.0
+
+
+def counts(y: Array, noise: float) -> Counts:
+    """The step of readings `y`, shape (n,), finite; `noise` is the deviation from sample to sample."""
+    levels = np.unique(y)
+    if len(levels) < FEWEST_LEVELS:
+        return Counts()
+    exact = _whole_counts(levels, len(y))
+    if exact > 0.0:
+        return Counts(exact, _EXACT * exact / len(levels)) if exact > noise / 2.0 else Counts()
+    return _gathered(y, noise)
+
+
+def _whole_counts(levels: Array, n: int) -> float:
+    """The distance of which all distances of levels are multiples; 0 where there is none.
+
+    Readings without a step seldom repeat: then there are nearly as many levels as readings.
+    """
+    if len(levels) > 0.3 * n:
+        return 0.0
+    distances = np.diff(levels)
+    step = float(np.min(distances[distances > 1e-9 * float(np.ptp(levels))], initial=math.inf))
+    if not math.isfinite(step):
+        return 0.0
+    numbers = distances / step
+    if float(np.max(np.abs(numbers - np.round(numbers)))) > 0.05:
+        return 0.0
+    return float(np.ptp(levels) / np.sum(np.round(numbers)))
+
+
+def _gathered(y: Array, noise: float) -> Counts:
+    """By the circular mean |mean exp(2 pi i y / step)| over all steps between noise and range."""
+    span = float(np.ptp(y))
+    cells = np.minimum(((y - np.min(y)) * (_CELLS / span)).astype(np.int64), _CELLS - 1)
+    histogram = np.bincount(cells, minlength=_CELLS) / len(y)
+    pad = 4
+    means = np.abs(np.fft.rfft(histogram, pad * _CELLS))
+    finest = int(min(pad * span / max(_WITHIN_NOISE * noise, 1e-300), 0.2 * _CELLS))
+    if finest < 8 * pad:
+        return Counts()
+    k = 8 * pad + int(np.argmax(means[8 * pad : finest]))
+    if means[k] < _GATHERED or means[k] - _beside(means, k, pad) < _CONTRAST:
+        return Counts()
+    return _refined(y, pad * span / k, noise)
+
+
+def _beside(means: Array, k: int, pad: int) -> float:
+    """Median of what steps of nearly the same size have."""
+    near = np.abs(np.arange(k - 6 * pad, k + 6 * pad + 1) - k) > 1.5 * pad
+    return float(np.median(means[k - 6 * pad : k + 6 * pad + 1][near]))
+
+
+def _refined(y: Array, step: float, noise: float) -> Counts:
+    """Least squares of the readings to whole counts, from a step that is nearly right.
+
+    None where readings lie further from them than their noise: then a movement gathers there, as a steep
+    ripple's does once a wave.
+    """
+    order = np.arange(3)
+    about = y - np.mean(y)
+    for _ in range(4):
+        turn = np.angle(np.mean(np.exp(2j * math.pi * about / step)))
+        number = np.round(about / step - turn / (2.0 * math.pi))
+        slope, offset = np.polyfit(number, about, 1)
+        step = float(slope)
+    left = about - slope * number - offset
+    if float(np.std(left)) > _BESIDE * noise:
+        return Counts()
+    spread = float(np.std(left)) / max(float(np.std(number)) * math.sqrt(len(y) - len(order)), 1e-300)
+    return Counts(step, spread)

@@ -1,0 +1,255 @@
+"""A recording as the simulation takes it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.record.coarse_sensor import readings
+from seod.diagnose.record.noise import noise_sd
+from seod.diagnose.result import DiagnoseError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.data import Recording
+    from seod.diagnose.record.windows import Rows
+    from seod.diagnose.result import Array, Hold, Mask
+
+
+STEPS_BETWEEN: Final = 4
+"""Steps that stand for a straight line between two commands: of ten commands a wave 0.2 % are wrong."""
+WINDOW_PERIODS: Final = 10
+SHORTEST_WINDOW_S: Final = 1.0
+"""A window is that many dominant periods, but at least this long."""
+FEWEST_WINDOWS: Final = 4
+"""Windows of a recording: two to fit, two held out."""
+RELAY_LEVELS: Final = 4
+"""Commands that a relay gives, at most: two, with another bias four."""
+_LEAST_SAMPLES: Final = 200
+_FINEST: Final = 1 << 15
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A recording as the simulation takes it; arrays of shape (n,).
+
+    Attributes:
+        t: Times of samples [s].
+        y: Samples, 0 where there is none to believe.
+        good: Where there is one.
+        t_u: When commands left [s].
+        u: Commands [V].
+        supply: Supply pressure over nominal; shape (0,) where nobody tells it.
+        warmth: Temperature above nominal [K], likewise.
+        force: Mean of what is measured of a disturbance on the way to each sample, less `nominal_f`; shape
+            (0,) where there is no such channel.
+        noise: Standard deviation of the samples' noise.
+        window_s: Length of its windows [s].
+        period_s: Dominant period [s].
+        sees_speed: `y` is a speed.
+        step: Of a coarse sensor [unit of y], 0 where none is seen.
+        slack: Error that says nothing: half such a step, see `coarse`.
+        level: Root mean square of what noise leaves beyond it, at least.
+        allowed: At most.
+        tick: Median interval of its samples [s].
+        levels: How many different commands it has.
+        blocks: (first row, row after the last) of the parts that windows are cut from.
+        drive: Times and volts that the valve is given: the commands, or what runs straight on between.
+        held: Most rows repeat a reading, and are not `good`.
+    """
+
+    t: Array
+    y: Array
+    good: Mask
+    t_u: Array
+    u: Array
+    supply: Array
+    warmth: Array
+    force: Array
+    noise: float
+    window_s: float
+    period_s: float
+    sees_speed: bool
+    step: float
+    slack: float
+    level: float
+    allowed: float
+    tick: float
+    levels: int
+    blocks: tuple[tuple[int, int], ...]
+    drive: tuple[Array, Array]
+    held: bool = False
+
+    @property
+    def relayed(self) -> bool:
+        """Whether a relay gave the commands."""
+        return self.levels <= RELAY_LEVELS
+
+    def sparser(self, stride: int) -> Series:
+        """Every so manieth sample, and the commands that change something."""
+        told = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
+        kept = self.kept(stride)
+        rows = {name: getattr(self, name) for name in ("t", "y", "good", "supply", "warmth")}
+        rows = {name: each[kept] if len(each) else each for name, each in rows.items()}
+        rows["force"] = _means(self.force, kept)
+        blocks = tuple((int(a), int(b)) for a, b in np.searchsorted(kept, self.blocks))
+        tick = float(np.median(np.diff(rows["t"])))
+        drive = (self.t_u[told], self.u[told]) if self.drive[0] is self.t_u else self.drive
+        return replace(
+            self, **rows, t_u=self.t_u[told], u=self.u[told], tick=tick, blocks=blocks, drive=drive
+        )
+
+    def kept(self, stride: int) -> Rows:
+        """Every so manieth row; of a sensor that repeats its readings, of those with a new one."""
+        if not self.held or stride == 1:
+            return np.arange(0, len(self.t), stride)
+        return np.flatnonzero(self.good)[::stride]
+
+    def searched_in(self, begins: Sequence[int], size: int) -> Series:
+        """The same, windows cut from blocks of so many rows that begin there."""
+        return replace(self, blocks=tuple((begin, begin + size) for begin in begins))
+
+
+def series(
+    recording: Recording,
+    bad: Mask | None = None,
+    *,
+    sees_speed: bool = False,
+    step: float = 0.0,
+    late: float = 0.0,
+    nominal_ps: float | None = None,
+    nominal_temperature: float | None = None,
+    nominal_f: float | None = None,
+    taken: Array | None = None,
+    hold: Hold = "zero",
+) -> Series:
+    """A recording prepared; rows that are `bad` do not count.
+
+    `hold` tells whether a command holds until the next or runs straight on to it.
+
+    `step` is a coarse sensor's, `late` the mean squared error of samples taken at other times than told;
+    `taken` tells when a sensor that repeats its readings took them [s].
+
+    Raises:
+        DiagnoseError: It has no command, too few samples, or one that never changes.
+    """
+    name = recording.paths[0]
+    u, good = _held(recording.u), np.isfinite(recording.y)
+    if not np.isfinite(u).any():
+        raise DiagnoseError(f"{name}: has no command u: name its column by --columns u=...")
+    if np.count_nonzero(good) < _LEAST_SAMPLES:
+        message = f"has {np.count_nonzero(good)} samples of y; a diagnosis needs {_LEAST_SAMPLES}"
+        raise DiagnoseError(f"{name}: {message}")
+    for what, values in (("command u", u), ("signal y", recording.y[good])):
+        if np.ptp(values) == 0.0:
+            raise DiagnoseError(f"{name}: the {what} never changes: it tells nothing of the plant")
+    if bad is not None:
+        good &= ~bad
+    t, y = recording.t, np.where(good, recording.y, 0.0)
+    t = np.ascontiguousarray(t)
+    t_u = t if recording.t_u is None else np.where(np.isfinite(recording.t_u), recording.t_u, t)
+    if taken is not None:
+        t = taken
+    t_u = np.maximum.accumulate(t_u)
+    noise, period_s = _noise(t, y, good, taken is not None), 1.0 / dominant_hz(t, y, good)
+    least = max(1e-9 * float(np.std(y[good])), math.sqrt(late))
+    noise = max(noise, least) if math.isfinite(noise) else least
+    slack, level, allowed = 0.0, noise, noise
+    if step > 0.0:
+        y, slack, level, allowed, noise = readings(y, good, step, noise, held=taken is not None)
+    return Series(
+        t=t,
+        y=y,
+        good=good,
+        t_u=t_u,
+        u=u,
+        supply=_relative(recording.ps, nominal_ps),
+        warmth=_above(recording.temperature, nominal_temperature),
+        force=_on_the_way(_above(recording.f, nominal_f)),
+        noise=noise,
+        window_s=_window_s(t, period_s),
+        period_s=period_s,
+        sees_speed=sees_speed,
+        step=step,
+        slack=slack,
+        level=level,
+        allowed=allowed,
+        tick=float(np.median(np.diff(t))),
+        levels=len(np.unique(u)),
+        blocks=((0, len(t)),),
+        drive=(t_u, u) if hold == "zero" else straight_on(t_u, u),
+        held=taken is not None,
+    )
+
+
+def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:
+    """Commands that run straight on to the next, as short steps of their own mean: times [s] and volts."""
+    parts = np.arange(STEPS_BETWEEN) / STEPS_BETWEEN
+    wide, high = np.append(np.diff(t_u), 0.0), np.append(np.diff(u), 0.0)
+    times = (t_u[:, None] + wide[:, None] * parts).ravel()
+    volts = (u[:, None] + high[:, None] * (parts + 0.5 / STEPS_BETWEEN)).ravel()
+    return times, volts
+
+
+def _noise(t: Array, y: Array, good: Mask, held: bool) -> float:
+    """Of the samples; of a sensor that repeats its readings, of one after the other."""
+    if held:
+        t, y, good = t[good], y[good], good[good]
+    return noise_sd(t, y, good)
+
+
+def _held(x: Array) -> Array:
+    """Each missing value as the one before it; before the first the first."""
+    known = np.flatnonzero(np.isfinite(x))
+    if not len(known):
+        return x
+    return np.asarray(x[known[np.maximum(np.searchsorted(known, np.arange(len(x)), "right") - 1, 0)]])
+
+
+def _relative(ps: Array | None, nominal: float | None) -> Array:
+    if ps is None:
+        return np.empty(0)
+    return np.maximum(_held(ps) / (nominal or float(np.nanmedian(ps))), 0.01)
+
+
+def _above(values: Array | None, nominal: float | None) -> Array:
+    if values is None:
+        return np.empty(0)
+    return _held(values) - (float(np.nanmean(values)) if nominal is None else nominal)
+
+
+def _on_the_way(values: Array) -> Array:
+    """Mean of a channel from each sample to the next, at the latter."""
+    return values if not len(values) else 0.5 * (values + np.r_[values[0], values[:-1]])
+
+
+def _means(values: Array, kept: Rows) -> Array:
+    """Mean of the rows up to each one that is kept, from the one before."""
+    if not len(values):
+        return values
+    total = np.r_[0.0, np.cumsum(values)]
+    first = np.r_[0, kept[:-1] + 1]
+    means: Array = (total[kept + 1] - total[first]) / (kept + 1 - first)
+    return means
+
+
+def _window_s(t: Array, period_s: float) -> float:
+    """Ten dominant periods, at least a second; less where the recording has not four of them."""
+    span = float(t[-1] - t[0])
+    return min(max(SHORTEST_WINDOW_S, WINDOW_PERIODS * period_s), span / FEWEST_WINDOWS)
+
+
+def dominant_hz(t: Array, y: Array, good: Mask) -> float:
+    """Frequency at which the detrended `y` has its largest line [Hz]."""
+    count = min(len(t), 8 * _FINEST)
+    even = np.linspace(t[0], t[-1], count)
+    signal = np.interp(even, t[good], y[good])
+    line = np.polynomial.Polynomial.fit(even, signal, 1)
+    signal = (signal - line(even)) * np.hanning(count)
+    spectrum = np.abs(np.fft.rfft(signal))
+    peak = 1 + int(np.argmax(spectrum[1:]))
+    return peak / float(t[-1] - t[0])

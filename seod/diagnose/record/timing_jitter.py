@@ -1,0 +1,101 @@
+"""Samples taken at another time than they say: their error grows with the slope of the signal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.record.fourth_differences import CORRELATED, NORM, slopes
+
+if TYPE_CHECKING:
+    from seod.diagnose.record.fourth_differences import Stencils
+    from seod.diagnose.result import Array
+
+SIGNIFICANT: Final = 6.0
+"""Standard deviations by which the error must grow with the slope."""
+LEAST_SHARE: Final = 0.3
+"""Of the samples' mean squared error that must come from it: less is nobody's trouble."""
+FEWEST_DIFFERENCES: Final = 200
+"""Differences without which nothing is looked for."""
+MEDIAN_GROWTH: Final = 0.6
+"""Part of the growth that the medians must show too."""
+ALTERNATING: Final = -0.65
+"""Correlation of neighbouring differences, at most."""
+_EVENTS: Final = 25.0
+"""Squared differences over the expected ones beyond which they are corners of the signal."""
+_ROUNDS: Final = 8
+
+
+class Jitter(NamedTuple):
+    """Standard deviation of the samples' times [s], 0 where none is seen; and what it was found by."""
+
+    deviation: float = 0.0
+    ci95: tuple[float, float] = (0.0, 0.0)
+    p_value: float = 1.0
+    level: float = 0.0
+    steepness: Array | None = None
+
+    def deviations(self, noise: float, found: Stencils) -> Array:
+        """Of the samples in the middle of the stencils; `noise` where the time takes no part."""
+        if self.steepness is None:
+            return np.full(len(found.difference), noise)
+        return np.sqrt(self.level + self.deviation**2 * self.steepness)
+
+
+def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
+    """Of the stencils of the samples `y` at the times `t` [s], both shape (n,).
+
+    The mean squared fourth difference is 70 (noise^2 + deviation^2 slope^2): a line over the squared slope.
+    """
+    slope = np.lib.stride_tricks.sliding_window_view(slopes(t, y) ** 2, 5)
+    steep = np.sum(found.weights**2 * slope, axis=1) / NORM**2
+    steepness, square = steep[found.usable], found.difference[found.usable] ** 2 / NORM**2
+    scale = float(np.mean(steepness)) if len(steepness) else 0.0
+    if len(square) < FEWEST_DIFFERENCES or scale == 0.0:
+        return Jitter()
+    level, growth, sd = _line(steepness / scale, square)
+    if not growth > SIGNIFICANT * sd or growth < LEAST_SHARE * (level + growth):
+        return Jitter()
+    if not _grows(steepness / scale, square, level, growth) or not _alternates(found, steep):
+        return Jitter()
+    low, high = (math.sqrt(max(0.0, growth + side * 1.96 * sd) / scale) for side in (-1.0, 1.0))
+    p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
+    return Jitter(math.sqrt(growth / scale), (low, high), p_value, level, steep)
+
+
+def _line(x: Array, square: Array) -> tuple[float, float, float]:
+    """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
+    level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
+    for _ in range(_ROUNDS):
+        expected = np.maximum(level + growth * x, 1e-3 * max(level, growth) + 1e-300)
+        near = square < _EVENTS * expected
+        a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]
+        normal = np.linalg.pinv(a.T @ a)
+        level, growth = (max(float(each), 0.0) for each in normal @ (a.T @ (square[near] / expected[near])))
+        variance = 2.0 * float(normal[1, 1])
+    return level, growth, CORRELATED * math.sqrt(variance)
+
+
+def _grows(x: Array, square: Array, level: float, growth: float) -> bool:
+    """The median grows as the mean does, from the flattest third to the steepest: no corners alone."""
+    low, high = np.quantile(x, [1.0 / 3.0, 2.0 / 3.0])
+    flat, steep = x < low, x > high
+    if not flat.any() or not steep.any():
+        return False
+    wanted = np.median(level + growth * x[steep]) / max(float(np.median(level + growth * x[flat])), 1e-300)
+    seen = np.median(square[steep]) / max(float(np.median(square[flat])), 1e-300)
+    return bool(seen - 1.0 > MEDIAN_GROWTH * (wanted - 1.0))
+
+
+def _alternates(found: Stencils, steepness: Array) -> bool:
+    """Neighbouring differences where the signal is steep go against each other: they are samples' errors.
+
+    White errors have a correlation of -0.8; of what a quick signal itself leaves it is nearly 1.
+    """
+    pairs = found.usable[1:] & found.usable[:-1] & (np.diff(found.middle) == 1)
+    pairs &= steepness[1:] > np.quantile(steepness, 2.0 / 3.0)
+    scaled = found.difference / np.sqrt(steepness + float(np.mean(steepness)))
+    before, behind = scaled[:-1][pairs], scaled[1:][pairs]
+    return bool(before @ behind < ALTERNATING * 0.5 * (before @ before + behind @ behind))

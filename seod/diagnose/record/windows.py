@@ -1,0 +1,265 @@
+"""Recordings cut into windows: some to fit, as many that no fit sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from seod.diagnose.record.series import FEWEST_WINDOWS, Series
+from seod.diagnose.result import DiagnoseError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from seod.diagnose.result import Array, Mask
+
+Rows = NDArray[np.int64]
+
+SETTLING_PART: Final = 0.2
+"""Part of a held-out window to which its initial state is fitted."""
+SEGMENT_S: Final = 2.0
+"""Windows are fitted in segments no longer than this or a period, each from a state of its own."""
+LEAST_SAMPLES: Final = 50
+"""Of a window."""
+LEAST_SEGMENT_ROWS: Final = 10
+"""Of a segment: where a recording pauses, few rows last long."""
+SKIPPED_S: Final = 0.1
+"""Of a recording's start: the commands before it, which delay and lag still show, are unknown."""
+AT_EDGE: Final = 1e-3
+"""Of a sampling interval: a row so near before an edge is at it, however its time was rounded."""
+MOVING_ABOVE_NOISE: Final = 3.0
+"""Deviation over the noise from which on a window shows a movement; the others tell nothing of the plant."""
+SAMPLES_A_PERIOD: Final = 50
+"""Samples of a limit cycle by which it is tried what it may come from."""
+_MOSTLY: Final = 0.9
+"""Part of the samples that others have to tell."""
+_BETWEEN: Final = 3.0
+"""Error with which they do, over the noise: both have some."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Windows of several series, end to end.
+
+    Attributes:
+        series: Their recordings.
+        windows: (series, first row, row after the last) of each, ascending within a series.
+    """
+
+    series: Sequence[Series]
+    windows: tuple[tuple[int, int, int], ...]
+
+    @property
+    def sizes(self) -> Rows:
+        """Rows of each window, shape (w,)."""
+        return np.array([last - first for _, first, last in self.windows], np.int64)
+
+    @property
+    def slices(self) -> list[slice]:
+        """Where each window stands in what is end to end."""
+        ends = np.cumsum(self.sizes)
+        return [slice(int(end - size), int(end)) for end, size in zip(ends, self.sizes, strict=True)]
+
+    def gathered(self, name: str) -> Array:
+        """An array of the series, windows end to end."""
+        parts = [getattr(self.series[k], name)[first:last] for k, first, last in self.windows]
+        return np.concatenate(parts)
+
+    @property
+    def relayed(self) -> bool:
+        """Whether a relay gave the commands of all recordings."""
+        return all(one.relayed for one in self.series)
+
+    @property
+    def good(self) -> Mask:
+        """Rows that count, end to end."""
+        return self.gathered("good").astype(np.bool_)
+
+    @property
+    def noise(self) -> Array:
+        """Root mean square of the noise in each window, as far as errors count, shape (w,)."""
+        return np.array([self.series[k].level for k, _, _ in self.windows])
+
+    @property
+    def allowed(self) -> Array:
+        """The same, with as much noise as there may be."""
+        return np.array([self.series[k].allowed for k, _, _ in self.windows])
+
+    @property
+    def floor(self) -> Array:
+        """Standard deviation of the samples in each window about a perfect simulation, shape (w,)."""
+        return np.array([self.series[k].noise for k, _, _ in self.windows])
+
+    @property
+    def slack(self) -> Array:
+        """Error of each row that says nothing, end to end."""
+        return np.repeat([self.series[k].slack for k, _, _ in self.windows], self.sizes)
+
+    def started(self, part: float = SETTLING_PART) -> Mask:
+        """Rows in the first part of their window, end to end."""
+        parts = []
+        for k, first, last in self.windows:
+            t = self.series[k].t[first:last]
+            parts.append(_in_first(part, t))
+        return np.concatenate(parts)
+
+    def only(self, chosen: Iterable[int]) -> Cut:
+        """Some of the windows."""
+        return Cut(self.series, tuple(self.windows[k] for k in chosen))
+
+
+def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
+    """Windows to fit, and windows held out: every second one.
+
+    There are `finer` times as many as usual.
+
+    Raises:
+        DiagnoseError: The recordings are too short.
+    """
+    fitted: list[tuple[int, int, int]] = []
+    held: list[tuple[int, int, int]] = []
+    for k, one in enumerate(every):
+        for number, (first, last) in enumerate(_windows(one, finer)):
+            if number % 2 == 0:
+                fitted.append((k, first, last))
+            elif can_be_scored(one, first, last):
+                held.append((k, first, last))
+    if not fitted or not held:
+        raise DiagnoseError("the recordings are too short: a diagnosis needs four windows of 50 samples")
+    return Cut(every, tuple(fitted)), Cut(every, tuple(held))
+
+
+def _windows(one: Series, finer: float) -> list[tuple[int, int]]:
+    pairs = [pair for first, last in one.blocks for pair in _within(one, first, last, finer)]
+    told = [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= LEAST_SAMPLES]
+    moving = [(a, b) for a, b in told if np.std(one.y[a:b][one.good[a:b]]) > MOVING_ABOVE_NOISE * one.noise]
+    return moving if len(moving) >= FEWEST_WINDOWS else told
+
+
+def can_be_scored(one: Series, first: int, last: int) -> bool:
+    """Whether a window held out has samples to settle its initial state, and some after them."""
+    t, good = one.t[first:last], one.good[first:last]
+    settles = _in_first(SETTLING_PART, t)
+    return bool(np.any(good & settles) and np.any(good & ~settles))
+
+
+def _within(one: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
+    """First and last rows of a block's windows."""
+    t = one.t[first:last]
+    begin = t[0] + min(SKIPPED_S, 0.05 * float(t[-1] - t[0]))
+    count = round(finer * max(FEWEST_WINDOWS, int((t[-1] - begin) / one.window_s + 1e-6)))
+    edges = np.linspace(begin, t[-1] + 0.5 * one.tick, count + 1)
+    rows = first + np.searchsorted(t, edges - AT_EDGE * one.tick)
+    return [(int(a), int(b)) for a, b in pairwise(rows)]
+
+
+def _in_first(part: float, t: Array) -> Mask:
+    """Rows of a window in that part of its time, shape (n,)."""
+    end = part * float(t[-1] - t[0]) - AT_EDGE * float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    return np.asarray(t - t[0] < end)
+
+
+def whole_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+    """All windows of recordings: (which, first row, row after the last)."""
+    return tuple((k, first, last) for k, one in enumerate(every) for first, last in _windows(one, 1.0))
+
+
+def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
+    """Windows of whole recordings, without the rows of those held out."""
+    out = []
+    for k, one in enumerate(every):
+        good = one.good.copy()
+        for of, first, last in held_out.windows:
+            good[first:last] &= of != k
+        out.append(replace(one, good=good, blocks=((0, len(one.t)),)))
+    return Cut(out, whole_windows(out))
+
+
+def segments(whole: Cut, longest_s: float | None = None) -> Cut:
+    """The same rows in windows no longer than that; None: than 2 s or a dominant period.
+
+    In shorter ones the initial states make up for what is wrong with the model. Those without a sample tell
+    nothing and are left out.
+    """
+    out = []
+    for k, first, last in whole.windows:
+        one = whole.series[k]
+        length = max(SEGMENT_S, one.period_s) if longest_s is None else longest_s
+        count = math.ceil((one.t[last - 1] - one.t[first]) / length - 0.05)
+        count = max(1, min(count, (last - first) // LEAST_SEGMENT_ROWS))
+        edges = np.linspace(first, last, count + 1).astype(int).tolist()
+        out += [(k, a, b) for a, b in pairwise(edges) if one.good[a:b].any()]
+    return Cut(whole.series, tuple(out))
+
+
+def undivided(whole: Cut) -> Cut:
+    """Each block of a recording as one window, in which the same rows count."""
+    every = list(whole.series)
+    windows: list[tuple[int, int, int]] = []
+    for k in sorted({k for k, _, _ in whole.windows}):
+        own = [(first, last) for of, first, last in whole.windows if of == k]
+        counts = np.zeros(len(every[k].t), np.bool_)
+        for first, last in own:
+            counts[first:last] = True
+        every[k] = replace(every[k], good=every[k].good & counts)
+        for begin, end in every[k].blocks:
+            inside = [(first, last) for first, last in own if begin <= first < end]
+            windows += [(k, inside[0][0], inside[-1][1])] if inside else []
+    return Cut(every, tuple(windows))
+
+
+def sample(whole: Cut, seconds: float) -> Cut:
+    """Windows of about so many seconds together, spread evenly."""
+    lengths = np.array([float(whole.series[k].t[b - 1] - whole.series[k].t[a]) for k, a, b in whole.windows])
+    count = max(2, round(seconds / float(np.mean(lengths))))
+    if count >= len(whole.windows):
+        return whole
+    return whole.only(np.unique(np.linspace(0, len(whole.windows) - 1, count).round().astype(int)).tolist())
+
+
+def sparse(whole: Cut) -> Cut:
+    """Of a relay's recordings, whose commands hold for long, no more samples than trials need.
+
+    Without their first windows: how a limit cycle grows tells much of a plant that is nearly right, and leads
+    astray from any other.
+    """
+    strides = [_stride(one) for one in whole.series]
+    every = [one.sparser(stride) for one, stride in zip(whole.series, strides, strict=True)]
+    kept = [one.kept(stride) for one, stride in zip(whole.series, strides, strict=True)]
+    windows = tuple((k, _row(kept[k], a), _row(kept[k], b)) for k, a, b in whole.windows)
+    grown = tuple(
+        (k, a, b)
+        for n, (k, a, b) in enumerate(windows)
+        if not every[k].relayed or (n and windows[n - 1][0] == k)
+    )
+    return Cut(every, grown if len(grown) > 1 else windows)
+
+
+def _row(kept: Rows, row: int) -> int:
+    """Where a row is among those that are kept."""
+    return int(np.searchsorted(kept, row))
+
+
+def _stride(one: Series) -> int:
+    """Samples of a relay's recording of which one is enough: between them the others are as they were.
+
+    A limit cycle is smooth; what swings after each switch of slow commands is not.
+    """
+    stride = max(1, int(one.period_s / (SAMPLES_A_PERIOD * one.tick))) if one.relayed else 1
+    while stride > 1 and not _smooth(one, stride):
+        stride //= 2
+    return stride
+
+
+def _smooth(one: Series, stride: int) -> bool:
+    """Whether every so manieth sample tells the others, but for noise."""
+    rows = np.flatnonzero(one.good)
+    kept = rows[::stride]
+    error = np.abs(one.y[rows] - CubicSpline(one.t[kept], one.y[kept])(one.t[rows]))
+    return float(np.quantile(error, _MOSTLY)) < _BETWEEN * one.noise + one.slack

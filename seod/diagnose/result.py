@@ -1,0 +1,423 @@
+"""What a diagnosis says: the contract of `seod diagnose --json`, and the arrays that a report draws.
+
+NRMSE is sqrt(sum e^2 / sum (y - mean)^2), sums pooled over windows, mean per window, of simulations whose
+initial state was fitted on the window's first fifth, which is not scored.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+RELEVANCE: Final = 0.02
+"""Systematic rest over the movement's standard deviation that matters, if the user does not say: a hundredth
+of its range, about what gains and calibrations of sensors are off by themselves."""
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Output = Literal["position", "velocity"]
+Hold = Literal["zero", "first"]
+"""A command that holds until the next, or one that runs straight on to it."""
+Verdict = Literal["clean", "effects", "unexplained"]
+Grade = Literal["useless", "partly", "good_for_design", "down_to_noise"]
+Evidence = Literal["nothing", "repetition", "black box", "yardstick"]
+"""How a systematic part is known."""
+Effects = dict[str, dict[str, float]]
+"""Values by effect and parameter, as `sim.parameters.parameters` takes them."""
+
+
+class DiagnoseError(Exception):
+    """A recording tells nothing; the message says why and what would be right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Common:
+    """Eq. 1 with what every user would give it: a constant offset and a delay.
+
+    Attributes:
+        K_L: Gain [unit/s/V].
+        omega_n: Undamped natural frequency [rad/s].
+        zeta: Damping ratio.
+        offset: Added to u [V]; of a speed y an offset of K_L times that is the same.
+        delay: From the command to the valve [s].
+        holdout_nrmse: Over the held-out windows.
+    """
+
+    K_L: float
+    omega_n: float
+    zeta: float
+    offset: float
+    delay: float
+    holdout_nrmse: float
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {name: finite_or_none(getattr(self, name)) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRun:
+    """Errors of one simulation of a whole recording, root mean square [unit of y].
+
+    Attributes:
+        from_measured: From the first sample, at rest.
+        from_fitted: From an initial state fitted to the first fifth of a window.
+        unseen: No fit has seen the recording.
+    """
+
+    from_measured: float
+    from_fitted: float
+    unseen: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """By these names."""
+        return {
+            "rms_from_measured": finite_or_none(self.from_measured),
+            "rms_from_fitted": finite_or_none(self.from_fitted),
+            "holdout": self.unseen,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A fitted model and how well it simulates what it was not fitted to.
+
+    Attributes:
+        K_L: Gain [unit/s/V].
+        omega_n: Undamped natural frequency [rad/s].
+        zeta: Damping ratio.
+        holdout_nrmse: Over the held-out windows.
+        whole_nrmse: Of one simulation of each whole recording.
+        diverged: That simulation left the recording by more than ten times its range.
+        effects: What is switched on beside Eq. 1.
+        sd: Standard deviations of K_L, omega_n and zeta.
+        holdout_ci95: Interval of `holdout_nrmse`, by a block bootstrap; nan where nobody asked for it.
+        common: Of the baseline, what it is with an offset and a delay; None: nobody asked.
+        free_runs: Of each recording, those of `--holdout` last.
+    """
+
+    K_L: float
+    omega_n: float
+    zeta: float
+    holdout_nrmse: float
+    whole_nrmse: float
+    diverged: bool
+    effects: Effects = field(default_factory=dict)
+    sd: Mapping[str, float] = field(default_factory=dict)
+    holdout_ci95: tuple[float, float] = (math.nan, math.nan)
+    common: Common | None = None
+    free_runs: tuple[FreeRun, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract, the interval, errors of whole runs, the baseline with an offset and a delay."""
+        more = {} if self.common is None else {"with_offset_and_delay": self.common.as_json()}
+        return more | {
+            "K_L": finite_or_none(self.K_L),
+            "omega_n": finite_or_none(self.omega_n),
+            "zeta": finite_or_none(self.zeta),
+            "holdout_nrmse": finite_or_none(self.holdout_nrmse),
+            "holdout_ci95": [finite_or_none(end) for end in self.holdout_ci95],
+            "whole_nrmse": finite_or_none(self.whole_nrmse),
+            "diverged": self.diverged,
+            "free_runs": [each.as_json() for each in self.free_runs],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of an effect, in the unit of the table of effects, with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {
+            "value": finite_or_none(self.value),
+            "unit": self.unit,
+            "ci95": [finite_or_none(end) for end in self.ci95],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Held-out NRMSE of all effects but this one, refitted, and with it."""
+
+    nrmse_without: float
+    nrmse_with: float
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {
+            "nrmse_without": finite_or_none(self.nrmse_without),
+            "nrmse_with": finite_or_none(self.nrmse_with),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffect:
+    """A cause that the recordings show.
+
+    Attributes:
+        name: Of `sim.effects.EFFECTS`.
+        parameters: By name.
+        gain: What it is good for.
+        p_value: Of no gain at all, over pieces of the held-out windows.
+        indistinguishable_from: Causes that explain the recordings as well in its place.
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    gain: Gain
+    p_value: float
+    indistinguishable_from: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {
+            "name": self.name,
+            "parameters": {name: each.as_json() for name, each in self.parameters.items()},
+            "gain": self.gain.as_json(),
+            "p_value": finite_or_none(self.p_value),
+            "indistinguishable_from": list(self.indistinguishable_from),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What the extended model leaves that is systematic, and relevant.
+
+    Attributes:
+        fraction: Of the baseline's held-out squared error above the noise; 0 where nothing relevant is left.
+        correlates_with: What the rest depends on, the strongest first.
+        shares: How much of the rest a smooth function of each tells [0 to 1].
+    """
+
+    fraction: float
+    correlates_with: tuple[str, ...] = ()
+    shares: Mapping[str, float] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract."""
+        return {"fraction": finite_or_none(self.fraction), "correlates_with": list(self.correlates_with)}
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """The baseline's held-out squared error in parts; the three shares add up to 1.
+
+    Attributes:
+        explained: Share that the named causes take away.
+        systematic: Share that is left and is no noise, at least: it repeats, or can be foretold.
+        not_repeatable: The rest: noise of any colour, and disturbances.
+        systematic_nrmse: The systematic part as an NRMSE, over the movement's standard deviation.
+        shown_by: How the systematic part is known.
+        noise_order: Of the autoregression that the rest is; 0 of white noise.
+        noise_correlation_s: Its correlation time [s].
+        asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other.
+    """
+
+    explained: float
+    systematic: float
+    not_repeatable: float
+    systematic_nrmse: float
+    shown_by: Evidence = "nothing"
+    noise_order: int = 0
+    noise_correlation_s: float = math.nan
+    asked: bool = True
+
+    def as_json(self) -> dict[str, Any]:
+        """The three shares, and how they are known."""
+        return {
+            "explained": finite_or_none(self.explained),
+            "systematic": finite_or_none(self.systematic),
+            "not_repeatable": finite_or_none(self.not_repeatable),
+            "systematic_nrmse": finite_or_none(self.systematic_nrmse),
+            "shown_by": self.shown_by,
+            "asked": self.asked,
+            "noise": {"order": self.noise_order, "correlation_s": finite_or_none(self.noise_correlation_s)},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Yardstick:
+    """Held-out NRMSE of models without physics, simulated freely over the same windows."""
+
+    arx: float
+    narx: float
+
+    @property
+    def best(self) -> float:
+        """The better one."""
+        return min(self.arx, self.narx)
+
+    def as_json(self) -> dict[str, Any]:
+        """By name."""
+        return {"arx": finite_or_none(self.arx), "narx": finite_or_none(self.narx)}
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """An experiment that would tell apart what these recordings cannot.
+
+    Attributes:
+        input: Excitation in words, with its numbers.
+        reason: Why it separates.
+        separates: Causes.
+        command: How to run it; "" where no command does.
+    """
+
+    input: str
+    reason: str
+    separates: tuple[str, ...]
+    command: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """As in the contract, and the command."""
+        plain = {"input": self.input, "reason": self.reason, "separates": list(self.separates)}
+        return plain | ({"command": self.command} if self.command else {})
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """One window of a recording, simulated; arrays of shape (n,).
+
+    Attributes:
+        file: Index into the recordings, those held out (`--holdout`) last.
+        rows: First row in the recording and the one after the last.
+        t: [s].
+        u: Command [V].
+        y: Measured; nan where no sample is, or none to believe.
+        ps: Supply pressure [Pa], or None.
+        f: Measured disturbance, or None.
+        y_baseline: Simulated.
+        y_extended: Simulated; of the baseline where nothing was found.
+        velocity: Of the load, by the extended model [unit/s].
+        position: Likewise [unit].
+        pressure: Load pressure as the acceleration of the free load, likewise [unit/s^2].
+        scored: False on the first fifth.
+        held_out: No fit has seen it.
+    """
+
+    file: int
+    rows: tuple[int, int]
+    t: Array
+    u: Array
+    y: Array
+    ps: Array | None
+    f: Array | None
+    y_baseline: Array
+    y_extended: Array
+    velocity: Array
+    position: Array
+    pressure: Array
+    scored: Mask
+    held_out: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """One simulation of a whole recording; arrays of shape (n,)."""
+
+    t: Array
+    y: Array
+    y_baseline: Array
+    y_extended: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A cause that was tried alone: the held-out NRMSE with it, `nan` where only a first step was tried."""
+
+    name: str
+    gain: float
+    nrmse_with: float
+    chosen: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """All that is found.
+
+    Attributes:
+        verdict: `clean`: Eq. 1 tells all; `effects`: causes are named; `unexplained`: what is left is
+            systematic, and larger than what is relevant.
+        baseline: Eq. 1, or the rig's model.
+        effects: In order of gain.
+        extended: With them.
+        noise_floor_nrmse: That of a perfect model.
+        unexplained: What is left; its fraction is 0 where it is noise.
+        next_experiment: Where causes cannot be told apart.
+        output: What `y` is.
+        noise_sd: Of each recording's samples [unit of y].
+        adequacy: Extended model's held-out mean squared error over the noise's.
+        windows: All of them, in order.
+        whole: Of each recording.
+        candidates: In order of gain.
+        remarks: What a reader should know, in sentences.
+        grade: What the extended model is good for.
+        account: What of the movement is explained, systematic, and not repeatable.
+        yardstick: What ARX and NARX reach; None where the windows are too short for them.
+        relevance: Systematic rest, over the movement's standard deviation, from which on it is `unexplained`.
+    """
+
+    verdict: Verdict
+    baseline: Score
+    effects: tuple[FoundEffect, ...]
+    extended: Score
+    noise_floor_nrmse: float
+    unexplained: Unexplained
+    next_experiment: NextExperiment | None
+    output: Output
+    noise_sd: tuple[float, ...] = ()
+    adequacy: float = math.nan
+    windows: tuple[Window, ...] = ()
+    whole: tuple[Whole, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    remarks: tuple[str, ...] = ()
+    grade: Grade = "partly"
+    account: Account | None = None
+    yardstick: Yardstick | None = None
+    relevance: float = RELEVANCE
+
+    @property
+    def extends(self) -> bool:
+        """Whether what was found changes the simulation: defects of a record do not."""
+        return any(not np.array_equal(w.y_baseline, w.y_extended) for w in self.windows)
+
+    def share(self, effect: FoundEffect) -> float:
+        """Part of the baseline's held-out squared error above the noise that comes back without an effect."""
+        above = self.baseline.holdout_nrmse**2 - self.noise_floor_nrmse**2
+        gained = effect.gain.nrmse_without**2 - effect.gain.nrmse_with**2
+        return min(1.0, max(0.0, gained / above)) if above > 0.0 else 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's answer, and shares of the effects: what is undefined is None, never nan."""
+        return {
+            "verdict": self.verdict,
+            "output": self.output,
+            "grade": self.grade,
+            "baseline": self.baseline.as_json(),
+            "effects": [
+                each.as_json() | {"share": finite_or_none(self.share(each))} for each in self.effects
+            ],
+            "extended": self.extended.as_json(),
+            "noise_floor_nrmse": finite_or_none(self.noise_floor_nrmse),
+            "unexplained": self.unexplained.as_json(),
+            "account": None if self.account is None else self.account.as_json(),
+            "yardstick": None if self.yardstick is None else self.yardstick.as_json(),
+            "next_experiment": None if self.next_experiment is None else self.next_experiment.as_json(),
+            "remarks": list(self.remarks),
+        }
+
+
+def finite_or_none(value: float) -> float | None:
+    """The number, None where there is none."""
+    return float(value) if math.isfinite(value) else None

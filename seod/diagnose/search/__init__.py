@@ -1,0 +1,1 @@
+"""Which sets of causes explain the recordings."""

@@ -1,0 +1,108 @@
+"""Which sets of effects: a beam of the best, grown by one effect at a time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.causes.table import plain_form
+from seod.diagnose.fitting.least_squares import NOISE_ALONE
+from seod.diagnose.search.race import elsewhere, extended
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.search.screen import Screen
+
+BEAM_WIDTH: Final = 3
+"""Sets that are kept."""
+SECOND_PLANTS: Final = 2
+"""Second plants of them that are kept too."""
+MOST_EFFECTS: Final = 4
+"""Effects in a set."""
+LEAST_GAIN: Final = 0.02
+"""Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
+LEAST_GAIN_COARSE: Final = 1.0
+"""The same of a coarse sensor, whose noise is not known."""
+AS_WELL_PART: Final = 0.2
+"""Part of what an effect must save, up to which another set explains the recordings as well."""
+RICHER_GAIN: Final = 0.2
+"""Mean log squared error that a richer form of friction must save to be grown in place of the plain one."""
+
+
+def least_gain(cut: Cut) -> float:
+    """What an effect must save of the mean log error: of coarse sensors few samples make up what is left."""
+    return LEAST_GAIN_COARSE if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows) else LEAST_GAIN
+
+
+def as_well(cut: Cut) -> float:
+    """Mean log error up to which another set explains recordings as well."""
+    return AS_WELL_PART * least_gain(cut)
+
+
+@dataclass
+class Grown:
+    """Sets of effects that were fitted.
+
+    Attributes:
+        best: The best first, the baseline last.
+        tried: All of them by their effects.
+    """
+
+    best: list[Fitted]
+    tried: dict[frozenset[str], Fitted] = field(default_factory=dict)
+
+
+def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], None]) -> Grown:
+    """Add one effect at a time to the best sets, until they are adequate or nothing gains any more.
+
+    Args:
+        screen: Where causes are tried.
+        roots: The baseline, and others of the same form to begin from.
+        progress: Called with the part of the work that is done.
+    """
+    grown, beam = Grown([roots[0]]), list(roots)
+    for size in range(1, MOST_EFFECTS + 1):
+        if grown.best[0].excess < NOISE_ALONE or screen.budget.spent:
+            break
+        children = extended(screen, beam)
+        ranked = best_of_each(children)
+        grown.tried |= {frozenset(one.model.names): one for one in ranked}
+        if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):
+            break
+        grown.best, beam = [*ranked, *grown.best], survivors(children)
+        progress(size / MOST_EFFECTS)
+    return grown
+
+
+def best_of_each(ranked: Sequence[Fitted]) -> list[Fitted]:
+    """The best fit of each set."""
+    best: dict[frozenset[str], Fitted] = {}
+    for one in ranked:
+        best.setdefault(frozenset(one.model.names), one)
+    return list(best.values())
+
+
+def survivors(children: Sequence[Fitted]) -> list[Fitted]:
+    """Of the fits of a race, the best first, those that are grown further: the best sets, and second plants.
+
+    Of a set that also has a richer form the plain one, if that saves too little: the richer form is tried
+    again with what is added.
+    """
+    ranked = best_of_each(children)
+    cost = {frozenset(one.model.names): one.cost for one in ranked}
+
+    def spare(one: Fitted) -> bool:
+        own, plain = frozenset(one.model.names), plain_form(one.model.names)
+        return plain != own and cost.get(plain, math.inf) < one.cost + RICHER_GAIN
+
+    beam = [one for one in ranked if not spare(one)][:BEAM_WIDTH]
+    first = {frozenset(one.model.names): one for one in beam}
+    for one in children:
+        names = frozenset(one.model.names)
+        if names in first and len(beam) < len(first) + SECOND_PLANTS and elsewhere(one, first[names]):
+            beam.append(one)
+    return beam

@@ -1,0 +1,137 @@
+"""How long a search may go on: by what it simulates, so that the answer is the same on every machine."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, Literal
+
+from seod.diagnose.fitting.work import used_s
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Effort = Literal["quick", "normal", "thorough"]
+
+SEARCH_S: Final = 15.0
+"""Work after which no further cause is tried, of a long recording; fits of the best follow."""
+FURTHER_S: Final = 15.0
+"""The same that a short one may use beyond: what follows takes less."""
+LONG_ROWS: Final = 120_000
+"""Samples of a long recording."""
+EFFORTS: Final[dict[Effort, float]] = {"quick": 0.25, "normal": 1.0, "thorough": math.inf}
+"""Of that work, what may be used."""
+SAFETY_S: Final = 600.0
+"""Time by the clock after which a search of limited effort ends in any case: twenty times the usual."""
+TRIAL_PART: Final = 0.04
+"""Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
+LAST_FIT_PART: Final = 0.12
+"""Likewise of a fit to all windows that follows the search."""
+LOOKING_PART: Final = 0.65
+"""Likewise of a look at many sets."""
+
+
+@dataclass
+class Budget:
+    """Work of a search.
+
+    Attributes:
+        clock: Tells what was used so far [s of a usual machine].
+        seconds: That may be used; what follows the search has parts of it.
+        further: That the search may use beyond.
+        safety: A clock of the wall, and how long by it the search may last [s].
+        missed: A part of the search was left out for it.
+        stopped: The clock of the wall ended it: another machine may have gone on.
+    """
+
+    clock: Callable[[], float] = used_s
+    seconds: float = SEARCH_S
+    further: float = 0.0
+    safety: tuple[Callable[[], float], float] = (time.monotonic, math.inf)
+    missed: bool = False
+    stopped: bool = False
+    _begin: float = field(init=False)
+    _stop: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._begin = self.clock()
+        wall, patience = self.safety
+        self._stop = wall() + patience
+
+    @classmethod
+    def of(cls, rows: int, effort: Effort) -> Budget:
+        """For recordings of so many samples."""
+        part = EFFORTS[effort]
+        patience = SAFETY_S if math.isfinite(part) else math.inf
+        further = FURTHER_S * (1.0 - min(rows / LONG_ROWS, 1.0))
+        return cls(
+            seconds=part * SEARCH_S, further=min(part, 1.0) * further, safety=(time.monotonic, patience)
+        )
+
+    @property
+    def total(self) -> float:
+        """That the search may use."""
+        return self.seconds + self.further
+
+    @property
+    def spent(self) -> bool:
+        """Nothing is left; whoever asks leaves out what it was about to do."""
+        over = self.clock() - self._begin > self.total or self._too_late()
+        self.missed |= over
+        return over
+
+    def excuse(self, since: float) -> None:
+        """What was used since then, by the clock, does not count."""
+        self._begin += self.clock() - since
+
+    def trial(self, part: float = TRIAL_PART) -> Callable[[], bool]:
+        """Tells when one trial has had its part, or nothing is left at all."""
+        over = self._after(part * self.total)
+        return lambda: over() or self.spent
+
+    def share(self, part: float) -> Callable[[], bool]:
+        """Tells when this part of what is left now was used; what is left out then, is missed."""
+        over = self._after(part * (self._begin + self.total - self.clock()))
+
+        def told() -> bool:
+            ended = over()
+            self.missed |= ended
+            return ended
+
+        return told
+
+    def glance(self) -> Callable[[], bool]:
+        """Tells when a trial has had its part that follows the search."""
+        return self._after(TRIAL_PART * self.seconds)
+
+    def last_fit(self) -> Callable[[], bool]:
+        """Tells when one fit of what was found has had its part; such fits follow the search."""
+        return self._after(LAST_FIT_PART * self.seconds)
+
+    def looking(self) -> Callable[[], bool]:
+        """Tells when no further set is simulated where no fit has seen."""
+        return self._after(LOOKING_PART * self.seconds)
+
+    def _after(self, seconds: float) -> Callable[[], bool]:
+        end = self.clock() + seconds
+        return lambda: self.clock() > end or self._too_late()
+
+    def _too_late(self) -> bool:
+        self.stopped |= self.safety[0]() > self._stop
+        return self.stopped
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the user has to know."""
+        if self.stopped:
+            return (
+                f"the search was stopped after {self.safety[1]:.0f} s by the clock: this machine was "
+                "too slow or too busy for it, another one may find more",
+            )
+        if self.missed:
+            return (
+                "the search ended before all sets of causes were tried: --effort thorough tries them all, a "
+                "shorter or more slowly sampled recording takes less",
+            )
+        return ()

@@ -1,0 +1,127 @@
+"""Which of the sets that were found: fitted to all windows, thinned out, compared where no fit has seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.fitting.held_out import ADEQUATE
+from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.record.windows import undivided
+from seod.diagnose.search.beam import as_well, least_gain
+from seod.diagnose.search.prune import best_alike, plainer, thinned
+from seod.diagnose.search.refine import refined, settled
+from seod.diagnose.search.whole_recordings import widened
+from seod.diagnose.starts.baseline import unchanged
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.search.beam import Grown
+    from seod.diagnose.search.screen import Screen
+
+FINALISTS: Final = 3
+"""Sets that are fitted to all windows."""
+LOOKED_AT_OF_SIZE: Final = 2
+"""Sets of each size that are fitted to whole recordings, where none comes down to the noise."""
+MISFIT_GAIN: Final = 0.2
+"""What an effect must save there, where any effect takes up a little of what is wrong."""
+
+
+class Choice(NamedTuple):
+    """The best set, the baseline it is compared with, and of the set's effects the set without each."""
+
+    base: Judged
+    best: Judged
+    without: dict[str, Judged]
+
+
+def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) -> Choice:
+    """The best set; never one that simulates worse than the baseline.
+
+    Where a set comes down to the noise what was fitted decides. Where none does, initial states and effects
+    make up for each other in the windows: whole recordings are fitted, without the rows held out, and the
+    errors of both decide, of sets and of baselines.
+    """
+    complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
+    best, least = (Judged.of(plainest(complete), held_out) if complete else base), least_gain(cut)
+    tried = dict(grown.tried)
+    if best.held.adequacy > ADEQUATE:
+        best = best_alike(best, held_out, screen)
+    if best.held.adequacy > ADEQUATE:
+        plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen)
+        best, base, least = _least((best, *sets), screen), _least((base, plain), screen), MISFIT_GAIN
+        worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
+        tried |= {frozenset(one.model.names): one for one in worst_first}
+    above = max(0.0, base.held.nrmse**2 - base.held.floor**2)
+    own, rest = thinned(plainer(best, held_out, screen, least), tried, held_out, screen, least, above)
+    if own.found.model.names and own.held.adequacy <= ADEQUATE:
+        own = Judged.of(settled(own.found, own.found.cut, screen), held_out)
+    return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
+
+
+def _over_whole(
+    base: Fitted, grown: Grown, wide: Cut, held_out: Cut, screen: Screen
+) -> tuple[Judged, list[Judged]]:
+    """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there.
+
+    They grow from the plant of the windows: fitted to whole recordings alone it may swing of its own.
+    """
+    root = unchanged(replace(base.model, scales=grown.best[-1].model.scales), base.x, wide)
+    plain, *sets = _refined([base, *_looked_at(grown)], wide, screen)
+    over = screen.budget.looking()
+    for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
+        sets += widened(parent, screen, over)[1:]
+    plainly, *judged = screen.each(lambda one: Judged.of(one, held_out), (plain, *sets))
+    return plainly, judged
+
+
+def _refined(some: Sequence[Fitted], cut: Cut, screen: Screen) -> list[Fitted]:
+    return screen.side_by_side(lambda one, within: refined(one, cut, within), some)
+
+
+def _looked_at(grown: Grown) -> list[Fitted]:
+    """The better sets of each size; the best of every size first."""
+    some: list[tuple[int, Fitted]] = []
+    for size in {len(one.model.names) for one in grown.tried.values()}:
+        own = [one for one in grown.tried.values() if len(one.model.names) == size]
+        some += enumerate(sorted(own, key=lambda one: one.cost)[:LOOKED_AT_OF_SIZE])
+    return [one for _, one in sorted(some, key=lambda pair: pair[0])]
+
+
+def worse(one: Judged, base: Judged) -> bool:
+    """Whether a set simulates windows held out, or the whole recording, worse than the baseline.
+
+    One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance.
+    """
+    if one.held.rms > base.held.rms:
+        return True
+    return one.held.adequacy > ADEQUATE and one.whole > base.whole
+
+
+def _least(some: Sequence[Judged], screen: Screen) -> Judged:
+    """The one that errs least."""
+    return some[int(np.argmin(list(screen.each(_unseen, some))))]
+
+
+def _unseen(one: Judged) -> float:
+    """Log squared errors of windows held out and of one simulation of the whole recording."""
+    return 2.0 * math.log(one.held.nrmse + 1e-300) + 2.0 * math.log(one.whole + 1e-300)
+
+
+def plainest(some: Sequence[Fitted]) -> Fitted:
+    """The one with the fewest parameters of those that fit as well as the best."""
+    least = min(one.cost for one in some)
+    alike = [one for one in some if one.cost < least + as_well(one.cut)]
+    return min(alike, key=lambda one: (len(one.x), one.cost))
+
+
+def finalists(best: Sequence[Fitted]) -> list[Fitted]:
+    """Sets that deserve a fit to all windows: those near the best, smaller ones first."""
+    near = [one for one in best if one.cost < best[0].cost + 2.0 * least_gain(best[0].cut)]
+    return sorted(near, key=lambda one: (len(one.model.names), one.cost))[:FINALISTS]

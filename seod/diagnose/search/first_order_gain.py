@@ -1,0 +1,69 @@
+"""What one more effect promises to save, by a simulation or two.
+
+That is how much of what the parent leaves lies in the direction of the effect's change, beyond what the
+parent's own parameters and initial states can do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seod.diagnose.causes.table import CAUSES, begun_from
+from seod.diagnose.fitting.least_squares import LeastSquares, weighted
+
+if TYPE_CHECKING:
+    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.result import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """One more effect: the model with it, where to begin, and what it may save of the log squared error."""
+
+    model: Model
+    x: Array
+    saves: float
+
+
+class Ahead:
+    """What a parent leaves, and what its own parameters and initial states could still do about it."""
+
+    def __init__(self, parent: Fitted) -> None:
+        self.parent = parent
+        search = LeastSquares(parent.model, parent.cut, map, np.ones(len(parent.x), np.bool_))
+        residual, error = search.tried(parent.x, parent.start)
+        table = search.derivatives(parent.x, parent.start, residual, error).table
+        assert table is not None  # noqa: S101 - a search has one
+        self.good, self.residual = search.good, residual
+        self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
+        own = table.columns[:, :-1] * self.weight[:, None]
+        size = np.linalg.norm(own, axis=0)
+        self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
+        self.left = self._beyond(residual)
+
+    def promise(self, name: str, start: Values) -> Promise:
+        """What an effect saves if its change from this start is the right one but for its size."""
+        parent, model = self.parent, self.parent.model.with_effect(name)
+        x = model.searched(begun_from(parent.model.values(parent.x), start))
+        changes = [self._change(model, x)]
+        if CAUSES[name].wave is not None:
+            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
+        directions = np.linalg.qr(np.stack(changes, axis=1))[0]
+        left = max(float(self.left @ self.left), 1e-300)  # nothing, where a coarse sensor says no more
+        told = float(np.sum((directions.T @ self.left) ** 2)) / left
+        return Promise(model, x, -math.log(max(1.0 - told, 1e-12)))
+
+    def _change(self, model: Model, x: Array) -> Array:
+        residual = weighted(model, self.parent.cut, x, self.parent.start)
+        return self._beyond(np.where(self.good, self.residual - residual, 0.0))
+
+    def _beyond(self, y: Array) -> Array:
+        """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
+        weighted = np.clip(y * self.weight, -1e100, 1e100)
+        return np.asarray(weighted - self.own @ (self.own.T @ weighted))

@@ -1,0 +1,127 @@
+"""A set's effects looked at again: those that gain too little, richer forms of a simple one, alike ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.causes.table import CAUSES
+from seod.diagnose.fitting.initial_states import begun_states
+from seod.diagnose.fitting.judged import Judged, gain
+from seod.diagnose.fitting.least_squares import Fitted, fit
+from seod.diagnose.fitting.uncertainty import covariance, reaches_null
+from seod.diagnose.search.refine import refined
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array
+    from seod.diagnose.search.screen import Screen
+
+    Tried = Mapping[frozenset[str], Fitted]
+
+LEAST_SHARE: Final = 5e-4
+"""Of the baseline's squared error above the noise that has to come back without an effect: less is 0 %."""
+
+
+def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged:
+    """The set with the plain form of effects, where the richer one gains too little over it."""
+    for rich in CAUSES:
+        names, plain = own.found.model.names, CAUSES[rich].plain
+        if rich in names and plain is not None and plain.becomes is not None and plain.name not in names:
+            values = own.found.model.values(own.found.x)
+            simple = own.found.model.without(rich).with_effect(plain.name)
+            other = Judged.of(_fitted(simple, values | plain.becomes(values), own.found, screen), held_out)
+            own = other if gain(other, own) < enough else own
+    return own
+
+
+def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
+    """The set with whichever of effects that act alike fits best: which it is shows last of all."""
+    found = own.found
+    others = [one for name in found.model.names for one in alike(found, name, screen)]
+    least = min((found, *others), key=lambda one: one.cost)
+    return own if least is found else Judged.of(least, held_out)
+
+
+def alike(found: Fitted, name: str, screen: Screen) -> list[Fitted]:
+    """The set with each cause alike to one of its own in that one's place, fitted to the same windows."""
+    model, values = found.model, found.model.values(found.x)
+    return [
+        _fitted(
+            model.without(name).with_effect(other.name),
+            values | other.same(values, model.scales),
+            found,
+            screen,
+        )
+        for other in CAUSES[name].alike
+        if other.name not in {*model.names, *model.scales.told}
+        and (other.always or model.scales.two_commands)
+    ]
+
+
+def _fitted(model: Model, values: Values, found: Fitted, screen: Screen) -> Fitted:
+    x = model.searched(values)
+    cut = found.cut
+    start = begun_states(model, x, cut, found.start)
+    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
+
+
+def without(found: Fitted, name: str, screen: Screen) -> Fitted:
+    """A set without one of its effects, fitted anew to the same windows."""
+    return _fitted(found.model.without(name), found.model.values(found.x), found, screen)
+
+
+def thinned(
+    own: Judged, tried: Tried, held_out: Cut, screen: Screen, enough: float, above: float
+) -> tuple[Judged, dict[str, Judged]]:
+    """Without the effects that gain too little, and of those left the set without each.
+
+    They have to gain where they were fitted, and on the windows held out (`held_out`), and their size has to
+    be told. `tried` are sets that were fitted, by their effects; `above` is the baseline's squared held-out
+    NRMSE above the noise.
+    """
+    while True:
+        rest = _rest(own.found, tried, held_out, screen)
+        if not rest:
+            return own, {}
+        least = min(rest.values(), key=lambda one: gain(one, own))
+        if gain(least, own) >= enough:
+            idle = _untold(own, rest, above)
+            if not idle:
+                return own, rest
+            least = min(idle, key=lambda one: gain(one, own))
+        own = least
+
+
+def _untold(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
+    """Of effects that have no share, or whose size may be none, the set without each."""
+    spread = covariance(own.found)
+    return [
+        one
+        for name, one in rest.items()
+        if one.held.nrmse**2 - own.held.nrmse**2 < LEAST_SHARE * above or _may_be_none(own, name, spread)
+    ]
+
+
+def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
+    return EFFECTS[name].cause and reaches_null(own.found, name, spread)
+
+
+def _rest(found: Fitted, tried: Tried, held_out: Cut, screen: Screen) -> dict[str, Judged]:
+    """By its name the set without each effect."""
+    names = found.model.names
+    left = screen.side_by_side(lambda name, within: _left(found, name, tried, held_out, within), names)
+    return dict(zip(names, left, strict=True))
+
+
+def _left(found: Fitted, name: str, tried: Tried, held_out: Cut, screen: Screen) -> Judged:
+    """A set without one of its effects: fitted from where the set is, and from where it was found without."""
+    rest = [without(found, name, screen)]
+    before = tried.get(frozenset(rest[0].model.names))
+    if before is not None:
+        rest.append(before if before.cut is found.cut else refined(before, found.cut, screen))
+    return Judged.of(min(rest, key=lambda one: one.cost), held_out)

@@ -1,0 +1,277 @@
+"""One effect more: every cause tried from every start, the promising ones fitted further."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from seod.diagnose.causes.table import (
+    CAUSES,
+    FROM_GRID,
+    IN_GRID,
+    RICHER,
+    SETTLED,
+    SHAKES,
+    begun_from,
+    further_causes,
+    group,
+    grown,
+    plain_form,
+    remote,
+    wave_of,
+)
+from seod.diagnose.fitting.initial_states import best_states, carried_states, simulated_states
+from seod.diagnose.fitting.least_squares import NOISE_ALONE, Fitted, fit
+from seod.diagnose.record.command_period import in_step
+from seod.diagnose.search.first_order_gain import Ahead
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.record.windows import Cut
+
+from seod.diagnose.starts.effect_starts import OTHER_PLANT, effect_starts
+
+if TYPE_CHECKING:
+    from seod.diagnose.search.screen import Screen
+
+GLANCES_PART: Final = 0.6
+"""Of the time that is left when a race begins, what its glances may use."""
+GLANCED_TOGETHER: Final = 8
+"""Glances between two looks at the budget: enough for all cores, few enough to end in time."""
+FIRST_TRIED: Final = 12
+"""Starts whose promise is believed before others are tried."""
+GLANCE_STEPS: Final = 2
+"""Steps from every start."""
+REMOTE_STEPS: Final = 12
+"""Steps from one whose K_L and zeta are far from the baseline's."""
+GLANCE_PART: Final = 0.015
+"""Part of the search's time that a glance or a look may use: some plants are slow to simulate."""
+LOOK_STEPS: Final = 3
+"""Further steps of the better causes."""
+WHOLE_STEPS: Final = 4
+"""Steps of the promising ones on all windows for trying."""
+LAST_STEPS: Final = 12
+"""Further steps of the best."""
+CAUSES_LOOKED_AT: Final = 9
+"""Causes of a parent that are looked at."""
+LONGEST_WAVE: Final = 1.02
+"""Numbers of a wave over the travel, over the least, up to which the least has stopped it."""
+CAUSES_ON_ALL: Final = 5
+"""Causes of a parent that are fitted to all windows for trying."""
+FINISHED_AT_LEAST: Final = 4
+FINISHED_WITHIN: Final = 1.0
+"""Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
+
+
+class Entrant(NamedTuple):
+    """An effect more for a parent, from this start."""
+
+    parent: Fitted
+    name: str
+    start: Values
+
+
+class Runner(NamedTuple):
+    """An effect more for a parent, as far as it was fitted."""
+
+    parent: Fitted
+    name: str
+    found: Fitted
+
+
+def extended(screen: Screen, parents: Sequence[Fitted], but: Sequence[str] = ()) -> list[Fitted]:
+    """Each parent with one effect more, but these; the best first.
+
+    A race: after each round only the better ones of a parent are fitted further.
+    """
+    alike = {parent.model.names: parent for parent in reversed(parents)}
+    begun = [each for parent in alike.values() for each in _from_grid(screen, parent, but)]
+    begun += [each for parent in parents for each in _entrants(screen, parent, but)]
+    begun = promising(screen, begun)
+    seen = best_starts(_all_glanced(screen, begun))
+    seen = list(
+        screen.each(lambda one: _on(screen, one, LOOK_STEPS), _front(parents, seen, CAUSES_LOOKED_AT))
+    )
+    whole = list(screen.each(lambda one: _whole(screen, one), _front(parents, seen, CAUSES_ON_ALL)))
+    ranked = sorted(whole, key=lambda one: one.found.cost)
+    last = sum(one.found.cost < ranked[0].found.cost + FINISHED_WITHIN for one in ranked)
+    last = max(last, FINISHED_AT_LEAST)
+    better = [*screen.each(lambda one: _on(screen, one, LAST_STEPS), ranked[:last]), *ranked[last:]]
+    better += _richer(screen, better)
+    found = [one.found for one in better if not imitates(one.found, screen.every)]
+    return sorted(found, key=lambda one: one.cost)
+
+
+def _entrants(screen: Screen, parent: Fitted, but: Sequence[str]) -> list[Entrant]:
+    names = further_causes(parent.model.scales, parent.model.names)
+    return [
+        Entrant(parent, name, start)
+        for name in names
+        if name not in but
+        for start in effect_starts(parent, name, screen.every)
+        if not remote(start) or _reaches_far(screen, parent, name)
+    ]
+
+
+def _reaches_far(screen: Screen, parent: Fitted, name: str) -> bool:
+    """Whether a cause is tried from plants far from the parent's: of the baseline, unless the grid is.
+
+    A disturbance also of the others: it may be what their plant swings with.
+    """
+    if parent.model.names:
+        return name == SHAKES and not screen.grid_plants
+    return not (screen.grid_plants and name in IN_GRID)
+
+
+def _from_grid(screen: Screen, parent: Fitted, but: Sequence[str]) -> list[Entrant]:
+    """Plants of the grid for sets that they are starts of."""
+    model, begun = parent.model, []
+    for name in further_causes(model.scales, model.names):
+        if name not in but and name in FROM_GRID:
+            searched = group(name, model.scales)
+            own = next(iter(searched.starts), {})
+            some = [own | one.values() for one in screen.plants(model, (*model.names, name))]
+            places = {each.place for each in searched.coordinates}
+            begun += [Entrant(parent, name, start) for start in some if places <= start.keys()]
+    return begun
+
+
+def promising(screen: Screen, some: Iterable[Entrant]) -> list[Entrant]:
+    """Those that promise the least cost first, few of them before starts far away: these promise none."""
+    far, near = list[Entrant](), list[Entrant]()
+    for one in some:
+        (far if remote(one.start) else near).append(one)
+    parents = {id(one.parent): one.parent for one in near}
+    ahead = {which: Ahead(_on_few(screen, parent)) for which, parent in parents.items()}
+
+    def cost(one: Entrant) -> float:
+        return one.parent.cost - ahead[id(one.parent)].promise(one.name, one.start).saves
+
+    ranked = sorted(zip(screen.each(cost, near), range(len(near)), strict=True))
+    near = [near[k] for _, k in ranked]
+    return near[:FIRST_TRIED] + far + near[FIRST_TRIED:]
+
+
+def _on_few(screen: Screen, parent: Fitted) -> Fitted:
+    """A parent on the windows on which every start is tried."""
+    few = list(screen.few)
+    return replace(parent, cut=screen.cut.only(screen.few), start=parent.start[few], error=parent.error[few])
+
+
+def _all_glanced(screen: Screen, begun: Sequence[Entrant]) -> list[Runner]:
+    """As many as their part of the budget allows, some at a time: each one sees only what it uses itself."""
+    over, out = screen.budget.share(GLANCES_PART), list[Runner]()
+    for k in range(0, len(begun), GLANCED_TOGETHER):
+        if over():
+            break
+        out += screen.each(lambda one: _glanced(screen, one), begun[k : k + GLANCED_TOGETHER])
+    return out
+
+
+def _glanced(screen: Screen, one: Entrant) -> Runner:
+    """After a few steps on few windows."""
+    parent, few = one.parent, screen.cut.only(screen.few)
+    values = begun_from(parent.model.values(parent.x), one.start)
+    model = parent.model.with_effect(one.name).turned(values["K_L"])
+    x = model.searched(values)
+    most, start = GLANCE_STEPS, parent.start[list(screen.few)]
+    if remote(one.start):
+        most, start = REMOTE_STEPS, best_states(model, x, few, start, simulated_states(model, x, few))
+    return Runner(parent, one.name, fit(model, few, x, start, most, ended=screen.budget.trial(GLANCE_PART)))
+
+
+def _on(screen: Screen, one: Runner, most: int) -> Runner:
+    """So many steps more where it is."""
+    at, ended = one.found, screen.budget.trial(most * GLANCE_PART / LOOK_STEPS)
+    return one._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
+
+
+def _whole(screen: Screen, one: Runner) -> Runner:
+    """On all windows for trying."""
+    at, start, ended = one.found, one.parent.start.copy(), screen.budget.trial()
+    start[list(screen.few)] = at.start
+    simulated = simulated_states(at.model, at.x, screen.cut)
+    start = best_states(at.model, at.x, screen.cut, start, simulated, carried_states(at, screen.cut))
+    return one._replace(found=fit(at.model, screen.cut, at.x, start, WHOLE_STEPS, ended=ended))
+
+
+def _richer(screen: Screen, some: Sequence[Runner]) -> list[Runner]:
+    """Richer forms of a cause, from the best set that has the plain one and no richer one."""
+    ranked = sorted(some, key=lambda one: one.found.cost)
+    plain = {rich: _plainly(ranked, rich) for rich in RICHER}
+    forms = [partial(_grown, screen, one, rich) for rich, one in plain.items() if one is not None]
+    return list(screen.each(lambda form: form(), forms))
+
+
+def _plainly(ranked: Sequence[Runner], rich: str) -> Runner | None:
+    """The first that has the plain form of a cause, and no richer form of any."""
+    sets = ((one, one.found.model.names) for one in ranked)
+    return next((one for one, own in sets if RICHER[rich] in own and plain_form(own) == set(own)), None)
+
+
+def _grown(screen: Screen, one: Runner, rich: str) -> Runner:
+    """The same with a richer form of a cause: best perhaps where the plain one is far from it."""
+    at, ended = one.found, screen.budget.trial()
+    model = (at.model if CAUSES[rich].beside else at.model.without(RICHER[rich])).with_effect(rich)
+    values = at.model.values(at.x)
+    bent = [plant for plant in screen.plants(model, model.names) if rich in plant.causes and rich in SETTLED]
+    if bent:
+        begin = begun_from(values, min(bent, key=lambda plant: plant.cost).values())
+    else:
+        begin = values | grown(rich, values, model.scales)
+    x = model.searched(begin)
+    return one._replace(found=fit(model, screen.cut, x, at.start, LAST_STEPS, ended=ended))
+
+
+def imitates(found: Fitted, every: Cut) -> bool:
+    """A wave that stands for something else.
+
+    A disturbance in step with the command is one line of the plant's own answer, if anything else is
+    left. The longest ripple is a bend.
+    """
+    values = found.model.values(found.x)
+    for name in found.model.names:
+        if CAUSES[name].wave is None:
+            continue
+        place = f"{name}.{wave_of(name).number}"
+        if wave_of(name).over == "time":
+            if found.excess > NOISE_ALONE and in_step(every, values[place]):
+                return True
+        elif values[place] < LONGEST_WAVE * _least(found, place):
+            return True
+    return False
+
+
+def _least(found: Fitted, place: str) -> float:
+    return next(each.low for each in found.model.coordinates if each.place == place)
+
+
+def best_starts(some: Iterable[Runner]) -> list[Runner]:
+    """Of each parent's every cause the one that came farthest, of a contact also from another plant."""
+    best: dict[tuple[int, str], list[Runner]] = {}
+    for one in sorted(some, key=lambda one: one.found.cost):
+        kept = best.setdefault((id(one.parent), one.name), [])
+        if not kept or (len(kept) == 1 and one.name in IN_GRID and elsewhere(one.found, kept[0].found)):
+            kept.append(one)
+    return [one for kept in best.values() for one in kept]
+
+
+def elsewhere(one: Fitted, other: Fitted) -> bool:
+    """Whether a fit that is not much worse than another of the same effects has another plant."""
+    own, others = one.model.values(one.x), other.model.values(other.x)
+    apart = max(abs(math.log(own[of] / others[of])) for of in ("omega_n", "zeta"))
+    return one.cost < other.cost + FINISHED_WITHIN and apart > OTHER_PLANT
+
+
+def _front(parents: Sequence[Fitted], some: Sequence[Runner], most: int) -> list[Runner]:
+    """So many of each parent's causes, the best."""
+    ranked, out = sorted(some, key=lambda one: one.found.cost), []
+    for parent in parents:
+        own = [one for one in ranked if one.parent is parent]
+        names = list(dict.fromkeys(one.name for one in own))[:most]
+        out += [one for one in own if one.name in names]
+    return out

@@ -1,0 +1,109 @@
+"""Sets of effects grown on whole recordings, where none explains the windows down to the noise.
+
+Each window has an initial state of its own, which makes up for a part of what a wrong model does. Over a
+whole recording it cannot. Simulations of it take long, so each start of a cause is tried by one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from seod.diagnose.causes.table import begun_from, further_causes, group
+from seod.diagnose.causes.table import remote as far
+from seod.diagnose.fitting.least_squares import Fitted, fit
+from seod.diagnose.search.beam import MOST_EFFECTS, as_well
+from seod.diagnose.search.first_order_gain import Ahead, Promise
+from seod.diagnose.search.race import imitates
+from seod.diagnose.search.refine import refined
+from seod.diagnose.starts.effect_starts import effect_starts
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from seod.diagnose.search.screen import Screen
+
+FITTED_CAUSES: Final = 3
+"""Causes that are fitted, of those that promise most."""
+FINISHED_CAUSES: Final = 2
+"""Of them, and of those from far, that are fitted to the end."""
+LEAST_SAVING: Final = 0.2
+"""Mean log squared error that one more effect has to save."""
+
+
+def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
+    """Grow a set that was fitted to whole recordings, one effect at a time; the last one is the best.
+
+    Args:
+        begun: The set.
+        screen: Starts of causes.
+        over: Tells when there is no time for more.
+    """
+    grown = [begun]
+    while len(grown[-1].model.names) < MOST_EFFECTS and not over():
+        parent = grown[-1]
+        more = further_causes(parent.model.scales, parent.model.names)
+        best = promising(parent, more, screen)[:FITTED_CAUSES] + remote(parent, more)
+        saving = (one for one in _fitted(best, parent, screen, over) if one.cost < parent.cost - LEAST_SAVING)
+        found = next((one for one in saving if shown(parent, one, screen)), None)
+        if found is None:
+            break
+        grown.append(found)
+    return grown
+
+
+def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
+    """Whether windows gain by what one effect more saves of whole recordings.
+
+    There a single event shifts all that comes after it, where the plant integrates: whatever happens to make
+    up for that event saves much. Windows show an effect wherever it is.
+    """
+    cut = screen.every
+    return refined(more, cut, screen).cost < refined(fewer, cut, screen).cost - as_well(cut)
+
+
+def _fitted(
+    best: Sequence[Promise], parent: Fitted, screen: Screen, over: Callable[[], bool]
+) -> list[Fitted]:
+    """What a few steps make of each, and some more of the better ones; the best first."""
+    cut = parent.cut
+
+    def tried(one: Promise) -> Fitted:
+        enough = screen.budget.glance()
+        return fit(one.model, cut, one.x, parent.start, ended=lambda: over() or enough())
+
+    def finished(one: Fitted) -> Fitted:
+        enough = screen.budget.last_fit()
+        return fit(one.model, cut, one.x, one.start, ended=lambda: over() or enough())
+
+    begun = [one for one in screen.each(tried, best) if not imitates(one, screen.every)]
+    begun.sort(key=_cost)
+    done = [*screen.each(finished, begun[:FINISHED_CAUSES]), *begun[FINISHED_CAUSES:]]
+    return sorted((one for one in done if not imitates(one, screen.every)), key=_cost)
+
+
+def _cost(one: Fitted) -> float:
+    return one.cost
+
+
+def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
+    """Causes by what they promise to save, the most first; each from the best of its starts."""
+    ahead = Ahead(parent)
+    trials = [(name, start) for name in causes for start in effect_starts(parent, name, screen.every)]
+    best: dict[str, Promise] = {}
+    for name, promise in screen.each(lambda trial: (trial[0], ahead.promise(*trial)), trials):
+        if name not in best or promise.saves > best[name].saves:
+            best[name] = promise
+    return sorted(best.values(), key=lambda one: -one.saves)
+
+
+def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
+    """Starts far from the parent's own parameters, of which a direction tells nothing."""
+    out = []
+    for name in causes:
+        for start in group(name, parent.model.scales).starts:
+            if far(start):
+                model = parent.model.with_effect(name)
+                x = model.searched(begun_from(parent.model.values(parent.x), start))
+                out.append(Promise(model, x, math.nan))
+    return out

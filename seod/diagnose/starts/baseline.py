@@ -1,0 +1,195 @@
+"""Where a search begins: Eq. 1 from a grid of frequencies and dampings, initial states by its simulation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.causes.base import BASE, DAMPED_BY_RELAY
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import OFFSET, OFFSET_PLACE
+from seod.diagnose.fitting.initial_states import measured_places, simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.linear_gain import linear_gain
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.record.series import dominant_hz
+from seod.diagnose.record.windows import Cut, sample, segments, undivided
+from seod.diagnose.starts.sizes import LEAST_SIZE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.result import Array
+
+GRID_DAMPINGS: Final = (0.1, 0.4, 1.2, 5.0)
+GRID_FREQUENCIES: Final = 14
+LOWEST_FREQUENCY: Final = 0.3
+"""Searched frequency over the dominant one, at least; half a period is in each window, too."""
+KEPT_POINTS: Final = 3
+"""Cells of the grid from which the search goes on."""
+GRID_S: Final = 3.0
+"""Of windows in which the grid is searched."""
+ABOVE_LIMIT_CYCLE: Final = 1.2
+LIMIT_CYCLE_DAMPING: Final = 0.3
+"""Natural frequency over the limit cycle's, which delay and backlash make slower; and damping."""
+SLOWEST_PLANT: Final = 2.0
+"""Natural frequency [rad/s] that is searched at least, while neither movement nor samples are slow."""
+SLOW_MOVEMENT: Final = 0.5
+"""Dominant frequency over that, up to which a movement is slow; then `LOWEST_FREQUENCY` holds."""
+SLOWEST_TICKS: Final = 2e-3
+"""The same times the sampling interval, at most: at 1 kHz and above `SLOWEST_PLANT` holds."""
+SHORT_SEGMENT_S: Final = 0.25
+SHORT_SEGMENT_ROWS: Final = 100
+"""Least length of the short segments [s, samples]."""
+
+
+class Begun(NamedTuple):
+    """Eq. 1, with the effects that the rig's file has, on windows.
+
+    Where Eq. 1 alone is far off the other two are nearer to the plant.
+
+    Attributes:
+        best: Fitted to them from several starts.
+        near: Fitted to short segments of them with a free load bias, which slow effects hardly touch.
+        other: Fitted to whole recordings, whose one initial state makes up for nothing; of those of a relay
+            a plant whose own frequency is near the limit cycle's, as every plant's is that a relay drives.
+        closed: The plant beside an offset and a delay, where these hide it; else None.
+    """
+
+    best: Fitted
+    near: Fitted
+    other: Fitted
+    closed: Fitted | None = None
+
+
+class Known(NamedTuple):
+    """What of the baseline is not searched.
+
+    Attributes:
+        effects: Of the rig's file, or told otherwise.
+        gain: K_L [unit/s/V]; None where it is searched.
+        told: Those of the effects that the user tells.
+    """
+
+    effects: Mapping[str, Mapping[str, float]]
+    gain: float | None = None
+    told: frozenset[str] = frozenset()
+
+
+def baseline(
+    cut: Cut,
+    sees_speed: bool,
+    effects: Mapping[str, Mapping[str, float]],
+    each: Each = map,
+    gain: float | None = None,
+) -> Begun:
+    """Search for Eq. 1 from a grid of natural frequencies and damping ratios; K_L may be known (`gain`)."""
+    fixed = Known(effects, gain)
+    few = sample(cut, GRID_S)
+    short = segments(few, max(SHORT_SEGMENT_S, SHORT_SEGMENT_ROWS * max(one.tick for one in cut.series)))
+    points = _grid(short, sees_speed, fixed, each)[:KEPT_POINTS]
+    local = min(each(lambda point: _biased(point, short), points), key=lambda one: one.cost)
+    starts = [local, *_grid(few, sees_speed, fixed, each)[: KEPT_POINTS - 1]]
+    found: list[Fitted] = list(each(lambda point: _plain(point, cut), starts))
+    near = unchanged(*_begun(local, cut), cut)
+    best = min(found, key=lambda one: one.cost)
+    if cut.relayed:
+        return Begun(best, near, _swung(cut, sees_speed, fixed))
+    wide = undivided(cut)
+    of_whole = _plain(_grid(wide, sees_speed, fixed, each)[0], wide)
+    return Begun(best, near, unchanged(of_whole.model, of_whole.x, cut))
+
+
+def _swung(cut: Cut, sees_speed: bool, fixed: Known) -> Fitted:
+    at = cut.series[cut.windows[0][0]]
+    omega = ABOVE_LIMIT_CYCLE * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+    return unchanged(*_begun(_grid_point(cut, sees_speed, fixed, (omega, LIMIT_CYCLE_DAMPING)), cut), cut)
+
+
+def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
+    """A plant fitted elsewhere, on these windows."""
+    return fit(model, cut, x, simulated_states(model, x, cut), free=np.zeros(len(x), np.bool_))
+
+
+class _GridPoint(NamedTuple):
+    """A start: K_L, a load bias, omega_n and zeta, sorted by the cost."""
+
+    cost: float
+    K_L: float
+    bias: float
+    omega_n: float
+    zeta: float
+    sees_speed: bool
+    fixed: Known
+
+
+def _grid(cut: Cut, sees_speed: bool, fixed: Known, each: Each) -> list[_GridPoint]:
+    """A grid over omega_n and zeta, K_L and a load bias solved for in each point; the best first."""
+    one = cut.series[cut.windows[0][0]]
+    omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
+    slowest = max(LOWEST_FREQUENCY * omega, _slowest(cut))
+    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), GRID_FREQUENCIES)
+    points = product(frequencies.tolist(), GRID_DAMPINGS)
+    return sorted(each(lambda at: _grid_point(cut, sees_speed, fixed, at), points), key=lambda one: one.cost)
+
+
+def _grid_point(cut: Cut, sees_speed: bool, fixed: Known, at: tuple[float, float]) -> _GridPoint:
+    """K_L and a load bias solved for at this omega_n and zeta."""
+    omega_n, zeta = at
+    model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed.effects, fixed.gain)
+    x = model.searched({"K_L": model.scales.speed, "omega_n": omega_n, "zeta": zeta})  # of 1 V
+    K_L, bias, cost = linear_gain(model, cut, x, measured_places(cut), fixed.gain)
+    return _GridPoint(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
+
+
+def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
+    sign = math.copysign(1.0, point.K_L)
+    model = baseline_model(
+        _rough(cut, point.omega_n), sign, point.sees_speed, point.fixed.effects, point.fixed.gain
+    )
+    return model, model.searched({"K_L": point.K_L, "omega_n": point.omega_n, "zeta": point.zeta})
+
+
+def _rough(cut: Cut, omega_n: float) -> Scales:
+    """Sizes as far as the samples alone show them."""
+    y = cut.gathered("y")[cut.good]
+    size = max(float(np.std(y)), LEAST_SIZE)
+    tick = max(one.tick for one in cut.series)
+    rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
+    relayed = cut.relayed
+    damped = DAMPED_BY_RELAY if relayed else rough.damped
+    return replace(rough, slowest=_slowest_searched(cut), damped=damped, relayed=relayed)
+
+
+def _slowest_searched(cut: Cut) -> float:
+    """Natural frequency that is searched, at least [rad/s]: of slow plants and slow samples it is less."""
+    moves = min(2.0 * math.pi / one.period_s for one in cut.series)
+    slowest = SLOWEST_PLANT if moves > SLOW_MOVEMENT * SLOWEST_PLANT else LOWEST_FREQUENCY * moves
+    return max(min(slowest, SLOWEST_TICKS / max(one.tick for one in cut.series)), _slowest(cut))
+
+
+def _slowest(cut: Cut) -> float:
+    """Half a period in each window [rad/s]: free initial states make up for less."""
+    return math.pi / min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
+
+
+def _plain(point: _GridPoint, cut: Cut) -> Fitted:
+    model, x = _begun(point, cut)
+    return fit(model, cut, x, simulated_states(model, x, cut), most=20)
+
+
+def _biased(point: _GridPoint, cut: Cut) -> _GridPoint:
+    """The point after a fit with a free load bias."""
+    plain, x = _begun(point, cut)
+    model = plain.with_effect(OFFSET)
+    x = model.searched({**plain.values(x), OFFSET_PLACE: point.bias})
+    found = fit(model, cut, x, simulated_states(model, x, cut), most=20)
+    values = model.values(found.x)
+    K_L, omega_n, zeta = (values[name] for name in BASE)
+    return point._replace(cost=found.cost, K_L=K_L, omega_n=omega_n, zeta=zeta)

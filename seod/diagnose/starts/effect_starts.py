@@ -1,0 +1,65 @@
+"""Where to begin with an effect: as its table has it, a wave at the lines of what is left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.causes.table import CAUSES, SHAKES, group, wave_of
+from seod.diagnose.fitting.initial_states import simulated_states, travelled
+from seod.diagnose.fitting.least_squares import Fitted, settle
+from seod.diagnose.fitting.simulate import POSITION, inside
+from seod.diagnose.starts.lines import lines, wave_starts
+from seod.diagnose.starts.unsigned import unsigned_starts
+
+if TYPE_CHECKING:
+    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.record.windows import Cut
+
+
+LITTLE_DAMPED: Final = 0.3
+"""Damping below which a plant's own swinging may be a disturbance."""
+OTHER_PLANT: Final = 0.3
+"""Difference of the logarithm of omega_n or zeta from which on plants are others."""
+
+
+def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
+    """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
+    searched = group(name, parent.model.scales)
+    if CAUSES[name].unsigned:
+        return unsigned_starts(parent.model, f"{name}.{CAUSES[name].unsigned}", cut)
+    if CAUSES[name].wave is None:
+        return searched.starts
+    size = 0.1 * searched.coordinates[0].scale
+    begun = wave_starts(name, _lines_left(parent, name, cut), size)
+    return begun + _where_it_swings(parent, size, cut) if name == SHAKES else begun
+
+
+def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
+    """A disturbance where the plant swings, which is then damped: the parent may have taken it for that.
+
+    A second one at the largest line near it that this one leaves: where it swings may be a fit of both.
+    """
+    values = parent.model.values(parent.x)
+    own = values["omega_n"]
+    if values["zeta"] >= LITTLE_DAMPED:
+        return ()
+    damped = replace(parent, x=parent.model.searched(values | {"zeta": LITTLE_DAMPED}))
+    near = [line for line in _lines_left(damped, SHAKES, cut) if abs(math.log(line / own)) < OTHER_PLANT]
+    return tuple(one | {"zeta": LITTLE_DAMPED} for one in wave_starts(SHAKES, [own, *near[:1]], size))
+
+
+def _lines_left(parent: Fitted, name: str, cut: Cut) -> list[float]:
+    """What the residual of all windows shows of a wave."""
+    model, x = parent.model, parent.x
+    start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)
+    simulated, states = inside(model.record(x), cut, start)
+    y, position, speed = cut.gathered("y"), states[:, POSITION], None
+    residual = np.where(cut.good, y - simulated, 0.0)
+    if model.sees_speed:  # as it was read: simulated ones have the parent's errors
+        speed = np.where(cut.good, y, 0.0)
+        position = np.concatenate([travelled(cut.series[k])[a:b] for k, a, b in cut.windows])
+    return lines(wave_of(name), cut, residual, position, speed)

@@ -1,0 +1,69 @@
+"""Sizes of things in the recordings, by the baseline's simulation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.fitting.initial_states import travelled
+from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY, inside
+
+if TYPE_CHECKING:
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array
+
+
+LEAST_SIZE: Final = 1e-30
+"""Of speed, pressure, travel and swing, in whatever unit: of a load that stands still they are 0."""
+OUTLIERS_OF_TRAVEL: Final = 1e-3
+"""Part of the samples at each end of the travel that do not count: outliers."""
+
+
+def scales(fitted: Fitted, cut: Cut) -> Scales:
+    """Sizes in the recordings, by the baseline's simulation."""
+    _, states = inside(fitted.model.record(fitted.x), cut, fitted.start)
+    used = [cut.series[k] for k in sorted({k for k, _, _ in cut.windows})]
+    speed = states[:, VELOCITY]
+    omega_n = fitted.model.values(fitted.x)["omega_n"]
+    position = states[:, POSITION]
+    places = np.concatenate([_places(one) for one in used])
+    return Scales(
+        volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
+        speed=max(float(np.std(speed)), LEAST_SIZE),
+        pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), LEAST_SIZE),
+        centre=float(np.mean(places)),
+        travel=max(float(np.ptp(places)), LEAST_SIZE),
+        swing=_swing(position, speed, cut),
+        omega_n=omega_n,
+        span_s=max(float(one.t[-1] - one.t[0]) for one in used),
+        tick_s=max(one.tick for one in used),
+        middle=0.5 * float(np.min(places) + np.max(places)),
+        sees_speed=fitted.model.sees_speed,
+        step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
+        warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
+        relayed=all(one.relayed for one in used),
+        levels=max(len(np.unique(one.u)) for one in used),
+        two_commands=all(len(np.unique(one.u)) <= 2 for one in used),
+        pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
+        force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
+    )
+
+
+def _places(one: Series) -> Array:
+    """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
+    places = travelled(one) if one.sees_speed else one.y[one.good]
+    return np.clip(places, *np.quantile(places, (OUTLIERS_OF_TRAVEL, 1.0 - OUTLIERS_OF_TRAVEL)))
+
+
+def _swing(position: Array, speed: Array, cut: Cut) -> float:
+    """Median movement from one reversal of the speed to the next; of a speed that has none the travel."""
+    moves: list[float] = []
+    for piece in cut.slices:
+        turns = np.flatnonzero(np.diff(np.sign(speed[piece])))
+        moves += np.abs(np.diff(position[piece][turns])).tolist()
+    swing = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
+    return max(swing, LEAST_SIZE)

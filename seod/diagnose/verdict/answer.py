@@ -1,0 +1,281 @@
+"""What was found, put together as the answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.account.account import accounted
+from seod.diagnose.account.grade import graded
+from seod.diagnose.fitting.free_run import free_runs
+from seod.diagnose.fitting.held_out import ADEQUATE, nrmse, wholes
+from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
+from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
+from seod.diagnose.record.sweep import sweeps
+from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
+from seod.diagnose.verdict.figures import drawn, score, windows
+from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
+from seod.diagnose.verdict.unexplained import left_by_fits, systematic_part, unexplained
+from seod.terminal.text import number
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fitting.held_out import HeldOut
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.defects import Defect, Defects
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Account, Array, Mask, NextExperiment, Output, Verdict, Window
+    from seod.diagnose.search.beam import Grown
+    from seod.diagnose.verdict.effects import Chosen
+
+OUTLIER_BEYOND: Final = 4.0
+MOST_OUTLIERS: Final = 0.03
+"""Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
+RARE: Final = (
+    "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
+    "tried out. A longer recording, in which it happens again, tells more"
+)
+UNFITTED: Final = (
+    "what is left shows in windows that were held out and in none that was fitted: no cause of it can be "
+    "fitted. A longer recording, in which it happens again, tells more"
+)
+SWEPT: Final = (
+    "{name}: the command sweeps, its frequency or size goes one way with time. What depends on frequency or "
+    "amplitude cannot be told from a drift then: a command that does not sweep tells"
+)
+UNSURE: Final = (
+    "windows held out show a little more than noise and would not, had they been fitted, too: the others "
+    "tell too little of how large the effects are. A longer recording tells more"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Results of the search.
+
+    Attributes:
+        base: The baseline, fitted to all windows to fit.
+        held: Its simulation of the windows held out.
+        chosen: The best set of effects.
+        seen: Its simulation of the windows to fit.
+        effects: Of it, in order of gain.
+        grown: What was tried.
+        outlying: Rows far off were left out of what is scored, though not of the fits.
+    """
+
+    base: Fitted
+    held: HeldOut
+    chosen: Chosen
+    seen: HeldOut
+    effects: tuple[FoundEffect, ...]
+    grown: Grown
+    outlying: bool = False
+
+
+def answered(
+    found: Found,
+    to_fit: Cut,
+    held_out: Cut,
+    checked: Sequence[Defects],
+    output: Output,
+    relevance: float = RELEVANCE,
+) -> Diagnosis:
+    """The diagnosis; `checked` are the defects of each recording.
+
+    `relevance` is the systematic rest from which on it is `unexplained`, over the movement's deviation.
+    """
+    seen = len(to_fit.series)
+    baseline, plain = _scored(found.base, found.held, seen)
+    extended, whole = _scored(found.chosen.over_all, found.chosen.held, seen)
+    base, best = Judged.of(found.base, to_fit).held, found.seen
+    left, rare = _left_over(found, base)
+    held = found.chosen.held
+    account, yardstick = accounted(found.chosen.over_all, best, held, found.held)
+    if not rare and held.adequacy >= ADEQUATE:
+        left = systematic_part(left, account, held.nrmse, relevance)
+    defects = _record_effects(checked, found.chosen.held, best)
+    for shown in _by_samples(checked):
+        numbers = {of: each.value for of, each in shown.parameters.items()}
+        extended = replace(extended, effects=extended.effects | {shown.name: numbers})
+    every = (*found.effects, *defects)
+    return Diagnosis(
+        verdict=_verdict(every, left),
+        baseline=baseline,
+        effects=every,
+        extended=extended,
+        noise_floor_nrmse=_floor(found.held, account, left),
+        unexplained=left,
+        next_experiment=_experiment(found, held_out),
+        output=output,
+        noise_sd=tuple(one.noise for one in held_out.series),
+        adequacy=found.chosen.held.adequacy,
+        windows=tuple(_windows(found, base, best)),
+        whole=drawn(held_out, plain, whole),
+        candidates=_candidates(found),
+        remarks=(
+            *dict.fromkeys(remark for each in checked for remark in each.remarks),
+            *rare,
+            *_limited(found.chosen.over_all),
+            *(SWEPT.format(name=each.name) for each in found.effects if _swept(each, held)),
+        ),
+        grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
+        account=account,
+        yardstick=yardstick,
+        relevance=relevance,
+    )
+
+
+def _by_samples(checked: Sequence[Defects]) -> list[Defect]:
+    """Causes that samples themselves show, which an extended rig has too: the first of each."""
+    every = [each for defects in checked for each in (defects.coarse, defects.held) if each is not None]
+    return list({each.name: each for each in reversed(every)}.values())
+
+
+def trimmed(found: Found) -> Found:
+    """The same without rows whose error is none of the rest's, where the recordings have outliers.
+
+    Those that differ little from their neighbours are told by a model only.
+    """
+    near, seen = _near(found.chosen.held), _near(found.seen)
+    chosen = replace(found.chosen, held=replace(found.chosen.held, scored=near))
+    return replace(
+        found,
+        chosen=chosen,
+        held=replace(found.held, scored=near),
+        seen=replace(found.seen, scored=seen),
+        outlying=True,
+    )
+
+
+def _near(held: HeldOut) -> Mask:
+    """Rows that count, but for those far off, if these are few."""
+    noise = np.repeat(held.cut.floor, held.cut.sizes)
+    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= OUTLIER_BEYOND * noise)
+    return (
+        near
+        if np.count_nonzero(near) >= (1.0 - MOST_OUTLIERS) * np.count_nonzero(held.scored)
+        else held.scored
+    )
+
+
+def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
+    """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
+    left = unexplained(found.held, found.chosen.held)
+    if left.fraction > 0.0:
+        if fits_both(found.chosen.found, found.chosen.held):
+            return Unexplained(0.0), (UNSURE,)
+        return left, (UNFITTED,) if one_sided(found.seen, found.chosen.held) else ()
+    if one_sided(found.seen, found.chosen.held):
+        return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
+    if not found.outlying and misfits(found.chosen.over_all):
+        left = left_by_fits(found.base, found.chosen.over_all, found.seen)
+    return left, (RARE,) if left.fraction > 0.0 else ()
+
+
+def _limited(found: Fitted) -> list[str]:
+    """Numbers that the search would not let go further."""
+    values = found.model.values(found.x)
+    return [
+        f"{place} is at its limit ({number(values[place])}): the recording does not tell how far it goes"
+        for place in at_limits(found)
+        if place in values
+    ]
+
+
+def _swept(effect: FoundEffect, held: HeldOut) -> bool:
+    of_plant = EFFECTS[effect.name].enters == "plant"
+    return of_plant and any(sweeps(one.t, one.u) for one in held.cut.series)
+
+
+def _floor(held: HeldOut, account: Account | None, left: Unexplained) -> float:
+    """NRMSE of a perfect model: that of white noise, or of noise of any colour where nothing else is left."""
+    if account is None or left.fraction > 0.0:
+        return held.floor
+    return max(held.floor, math.sqrt(account.not_repeatable) * held.nrmse)
+
+
+def _experiment(found: Found, held_out: Cut) -> NextExperiment | None:
+    best, one = found.chosen.over_all, held_out.series[0]
+    volts = float(np.max(np.abs(one.u)))
+    asked = best.model, best.x, one.noise, volts, one.tick
+    told = next_experiment(found.effects, *asked)
+    return told or (beyond_a_relay(*asked) if held_out.relayed else None)
+
+
+def _scored(fitted: Fitted, held: HeldOut, seen: int) -> tuple[Score, list[Array]]:
+    """A model's figures; fits have seen the first `seen` recordings."""
+    simulated, whole_nrmse, diverged = wholes(fitted.model, fitted.x, held.cut)
+    sd = base_sd(fitted, covariance(fitted))
+    told = score(fitted.model, fitted.x, held, whole_nrmse, diverged, sd)
+    return replace(told, free_runs=free_runs(fitted.model, fitted.x, held.cut.series, seen)), simulated
+
+
+def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
+    if left.fraction > 0.0:
+        return "unexplained"
+    return "effects" if effects else "clean"
+
+
+def _windows(found: Found, base: HeldOut, best: HeldOut) -> list[Window]:
+    seen = windows(base, best, held_out=False)
+    seen += windows(found.held, found.chosen.held, held_out=True)
+    return sorted(seen, key=lambda window: (window.file, window.rows))
+
+
+def _candidates(found: Found) -> tuple[Candidate, ...]:
+    """Causes that were tried alone, by what they save of the mean log error."""
+    reference = max(one.cost for one in found.grown.best)
+    names = {each.name for each in found.effects}
+    out = []
+    for one in found.grown.tried.values():
+        if len(one.model.names) == 1:
+            gain = reference - one.cost
+            nrmse_with = found.held.nrmse * math.exp(-0.5 * gain)
+            name = one.model.names[0]
+            out.append(Candidate(name, gain, nrmse_with, name in names))
+    return tuple(sorted(out, key=lambda each: -each.gain))
+
+
+def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) -> list[FoundEffect]:
+    """Defects of the recordings, named as effects; rows that are none were left out of all figures.
+
+    `held` and `fitted` are the model's simulations of the windows held out, and of the others.
+    """
+    out: dict[str, FoundEffect] = {}
+    same = Gain(held.nrmse, held.nrmse)
+    for k, defects in enumerate(checked):
+        rows = defects.off.tolist()
+        simulated = _by_row(held, k, rows) | _by_row(fitted, k, rows)
+        for each in defects.confirmed(_left(held, k), simulated, held.cut.series[k].noise):
+            out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
+        if defects.coarse is not None and defects.coarse.name not in out:
+            out[defects.coarse.name] = _rounded(defects.coarse, defects.step, held)
+    return list(out.values())
+
+
+def _by_row(held: HeldOut, file: int, rows: Sequence[int]) -> dict[int, float]:
+    """Simulated readings of some rows of a recording, as far as they are in its windows."""
+    out: dict[int, float] = {}
+    for (k, first, last), piece in zip(held.cut.windows, held.cut.slices, strict=True):
+        out |= {row: held.simulated[piece][row - first] for row in rows if k == file and first <= row < last}
+    return out
+
+
+def _left(held: HeldOut, file: int) -> float:
+    """Mean squared error of a recording's windows held out; infinite where it has none."""
+    own = [square for square, (k, _, _) in zip(held.square, held.cut.windows, strict=True) if k == file]
+    return float(np.mean(own)) if own else math.inf
+
+
+def _rounded(coarse: Defect, step: float, held: HeldOut) -> FoundEffect:
+    """A sensor's step: its gain is that of rounding what was simulated."""
+    y = held.cut.gathered("y")
+    rounded = step * np.floor(held.simulated / step + 0.5)
+    with_it = nrmse([(y[p], rounded[p], held.scored[p]) for p in held.cut.slices])
+    return FoundEffect(coarse.name, coarse.parameters, Gain(held.nrmse, with_it), coarse.p_value)

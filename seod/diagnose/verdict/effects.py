@@ -1,0 +1,100 @@
+"""The effects of a found set, each with what it is good for and what could stand in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from seod.diagnose.causes.table import further_causes
+from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
+from seod.diagnose.record.sweep import sweeps
+from seod.diagnose.result import FoundEffect, Gain
+from seod.diagnose.search.beam import as_well, least_gain
+from seod.diagnose.search.prune import alike
+from seod.diagnose.search.race import extended
+from seod.diagnose.search.refine import refined
+from sim.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from seod.diagnose.fitting.held_out import HeldOut
+    from seod.diagnose.fitting.judged import Judged
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.search.screen import Screen
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """A set of effects fitted to all windows, with what came of leaving each out.
+
+    Attributes:
+        found: The set, fitted to the windows in which causes are searched.
+        over_all: The same fitted to all rows but those held out: of a long recording these are more.
+        without: Of each effect the set without it, fitted anew.
+        held: Its simulation of the windows held out.
+    """
+
+    found: Fitted
+    over_all: Fitted
+    without: Mapping[str, Judged]
+    held: HeldOut
+
+
+def found_effects(
+    chosen: Chosen, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+) -> list[FoundEffect]:
+    """In order of gain."""
+    out = []
+    spread = covariance(chosen.over_all)
+    causes = len(further_causes(chosen.found.model.scales, ()))
+    for name, rest in chosen.without.items():
+        if not EFFECTS[name].cause:
+            continue
+        out.append(
+            FoundEffect(
+                name=name,
+                parameters=effect_parameters(chosen.over_all, name, spread),
+                gain=Gain(rest.held.nrmse, chosen.held.nrmse),
+                p_value=p_value(rest.held, chosen.held, causes),
+                indistinguishable_from=tuple(
+                    dict.fromkeys(
+                        (
+                            *_in_place_of(name, chosen.found, rest.found, screen, tried),
+                            *_over_the_sweep(name, chosen.found, tried),
+                        )
+                    )
+                ),
+            )
+        )
+    return sorted(out, key=lambda each: -each.gain.nrmse_without)
+
+
+def _over_the_sweep(name: str, found: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
+    """Causes that alone gain something too, where the plant changes while the command sweeps.
+
+    What depends on frequency or amplitude depends on time then.
+    """
+    if EFFECTS[name].enters != "plant" or not any(sweeps(one.t, one.u) for one in found.cut.series):
+        return []
+    alone = sorted((one for names, one in tried.items() if len(names) == 1), key=lambda one: one.cost)
+    enough = max((one.cost for one in alone), default=0.0) - least_gain(found.cut)
+    return [one.model.names[0] for one in alone if one.cost < enough and name not in one.model.names]
+
+
+def _in_place_of(
+    name: str, found: Fitted, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+) -> list[str]:
+    """Causes that explain as well what `name` does, the others of the set fitted anew."""
+    others = frozenset(rest.model.names)
+    siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
+    siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
+    if not siblings:
+        siblings = extended(screen, [refined(rest, screen.cut, screen)], found.model.names)
+    few, every = screen.cut, screen.every
+    reach = refined(found, few, screen).cost + 2.0 * least_gain(few)
+    near = [one for one in siblings if one.cost < reach]
+    near += alike(found, name, screen)
+    own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [found, *near])
+    good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
+    return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))

@@ -1,0 +1,145 @@
+"""A trial of an experiment: would two models of the same recordings differ in it, each fitted to it?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from seod.diagnose.fitting import work
+from sim.excitation import multisine, sine, steps
+from sim.runs import RELAY, sampled_relay
+from sim.state import new_state
+from sim.windows import INSIDE, START, follow_windows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.result import Array
+
+TRIAL_PERIODS: Final = 25.0
+"""Of omega_n, that a trial lasts at least."""
+TRIAL_S: Final = (1.5, 5.0)
+FEWEST_PERIODS: Final = 3.0
+"""Of a slow plant, that a trial lasts in any case, if need be with fewer samples a second."""
+MOST_SAMPLES: Final = 6000
+_NONE: Final = np.empty(0)
+_SEED: Final = 1
+_TRIES: Final = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """How the rig is driven.
+
+    Attributes:
+        kind: `relay`, `two-phase`, `multisine`, `steps` or `sine`, as `seod simulate` calls them.
+        amplitudes: One after the other, each for the same time [V].
+        band: Lowest and highest frequency [Hz]; of sine and steps the first counts.
+    """
+
+    kind: str
+    amplitudes: tuple[float, ...]
+    band: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What an experiment would record, without noise; arrays of shape (n,).
+
+    Attributes:
+        t: [s].
+        u: [V].
+        y: Reading.
+        pressure: Of the load, as acceleration of the free load [unit/s^2].
+    """
+
+    t: Array
+    u: Array
+    y: Array
+    pressure: Array
+
+
+def times(omega_n: float, tick: float) -> Array:
+    """Of the samples of a trial [s]."""
+    period = 2.0 * math.pi / omega_n
+    least = FEWEST_PERIODS * period
+    length = min(max(TRIAL_S[0], TRIAL_PERIODS * period), max(TRIAL_S[1], least))
+    tick = max(tick, least / MOST_SAMPLES)
+    return np.arange(min(round(length / tick), MOST_SAMPLES), dtype=np.float64) * tick
+
+
+def perform(record: NDArray[np.void], excitation: Excitation, t: Array) -> Run:
+    """The plant of this record of parameters under an excitation, from rest."""
+    parts = np.array_split(np.arange(len(t)), len(excitation.amplitudes))
+    if excitation.kind in {"relay", "two-phase"}:
+        pieces = zip(parts, excitation.amplitudes, strict=True)
+        u = np.concatenate([_relay(record, excitation.kind, volts, t[rows]) for rows, volts in pieces])
+    else:
+        shape = _given(excitation, t)
+        u = np.concatenate(
+            [volts * shape[rows] for rows, volts in zip(parts, excitation.amplitudes, strict=True)]
+        )
+    return Run(t, np.asarray(u, np.float64), *follow(record, t, u))
+
+
+def _relay(record: NDArray[np.void], kind: str, volts: float, t: Array) -> Array:
+    relay = np.zeros(1, RELAY)
+    relay["e_a"], relay["velocity_mode"] = volts, record["measures_speed"]
+    if kind == "two-phase":
+        relay["cycles"], relay["shift"] = 3.0, 0.25
+    y, u, t_u = np.empty((3, len(t)))
+    state = new_state(record, float(t[0]))
+    sampled_relay(record[0], state[0], relay[0], t, _NONE, _NONE, _NONE, _NONE, y, u, t_u)
+    return u
+
+
+def _given(excitation: Excitation, t: Array) -> Array:
+    random = np.random.default_rng(_SEED)
+    low = excitation.band[0]
+    if excitation.kind == "multisine":
+        return multisine(t, 1.0, excitation.band, float(t[-1] - t[0]), None, random)
+    if excitation.kind == "steps":
+        return steps(t, 1.0, low, random)
+    wave: Array = sine(t, 1.0, low)
+    return wave
+
+
+def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
+    """Readings and load pressure from rest, each of shape (n,)."""
+    begin, end = np.array([0]), np.array([len(t)])
+    valve, load = new_state(record, float(t[0])), new_state(record, float(t[0]))
+    y, inside = np.empty(len(t)), np.empty((len(t), len(INSIDE)))
+    start = np.zeros((1, len(START)))
+    given = t, u, t, _NONE, _NONE, _NONE
+    follow_windows(record[0], valve[0], load[0], *given, begin, end, start, math.inf, y, inside)
+    work.spend(float(load["steps"][0]), len(t))
+    return y, inside[:, 0]
+
+
+def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> tuple[Array, float]:
+    """The model's searched numbers that come nearest to a run, and the rms that it leaves over the noise."""
+    low, high = model.bounds
+
+    def residual(x: Array) -> Array:
+        y, _ = follow(model.record(np.clip(x, low, high)), run.t, run.u)
+        left: Array = np.nan_to_num((y - run.y) / noise, nan=1e6, posinf=1e6, neginf=-1e6)
+        return left
+
+    best_x, best = np.empty(0), math.inf
+    for begin in begins:
+        inside = np.clip(begin, low + 1e-9, high - 1e-9)
+        step = [1e-4] * len(begin)
+        answer = least_squares(
+            residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=_TRIES
+        )
+        rms = math.sqrt(2.0 * float(answer.cost) / len(run.t))
+        if rms < best:
+            best_x, best = answer.x, rms
+    return best_x, best
