@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format unit fuzz blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs unit fuzz blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -30,6 +30,10 @@ lint: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# What commands print, into the pages that show it.
+outputs: $(READY)
+	$(BIN)/python docs/outputs.py
 
 unit: $(READY)
 	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not slow and not processes"

@@ -7,15 +7,18 @@ import math
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from rich.progress import Progress
-
-from seod.attend import AttendError, connect
 from seod.calibrate.procedure import CalibrationError, Plan, Procedure
 from seod.calibrate.session import RemoteRig
 from seod.calibrate.static import by_pressure
 from seod.client import Client, RequestError, UnreachableError
-from seod.launch import spawn
-from seod.text import with_sd
+from seod.config.tokens import TokenError, client_token
+from seod.config.translate import at
+from seod.config.units import written_as
+from seod.launch.daemon import spawn
+from seod.launch.with_client import StartError, connect
+from seod.terminal.console import ask
+from seod.terminal.progress import bar
+from seod.terminal.text import with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,7 +69,7 @@ def daemon(config: RigConfig, path: Path) -> Iterator[Client]:
             raise CalibrationError("the daemon ended; its message stands above")
         with client:
             yield client
-    except AttendError as error:
+    except StartError as error:
         raise CalibrationError(str(error)) from error
     finally:
         process.terminate()
@@ -77,9 +80,11 @@ def _running(config: RigConfig, path: Path) -> Client | None:
     server = config.server
     tls = None if server.tls is None else path.parent / server.tls.certificate
     try:
-        client = Client(server.host, server.port, server.command_token, tls)
+        client = Client(server.host, server.port, client_token(config), tls)
     except UnreachableError:
         return None
+    except TokenError as error:
+        raise CalibrationError(str(error)) from error
     rig = client.info()["rig"]
     if rig == config.rig:
         return client
@@ -116,19 +121,16 @@ def wait_for_pressure(console: Console, number: int, pressures: int) -> None:
         CalibrationError: Nobody is there.
     """
     try:
-        console.input(f"Set supply pressure {number} of {pressures}, then press Enter. ")
+        ask(console, f"Set supply pressure {number} of {pressures}, then press Enter. ")
     except EOFError:
         raise CalibrationError("nobody can be asked to change the pressure") from None
 
 
 def _measure(client: Client, name: str, axis: AxisConfig, console: Console) -> Result:
     limits, pulse, speed = axis.limits, axis.relay.e_a, axis.mode == "velocity"
-    with closing(RemoteRig(client, name)) as rig, Progress(console=console, transient=True) as progress:
-        plan = Plan(rig.gain(), limits.travel, limits.output, pulse, rig.bias(), speed)
-        task = progress.add_task(name, total=1.0)
-        return Procedure(
-            rig, plan, lambda what, done: progress.update(task, description=f"{name}: {what}", completed=done)
-        ).run()
+    with closing(RemoteRig(client, name)) as rig, bar(console) as show:
+        plan = Plan(rig.gain(), limits.travel, limits.output, pulse, rig.bias(), speed, axis.command_unit)
+        return Procedure(rig, plan, lambda what, done: show(f"{name}: {what}", done)).run()
 
 
 def as_json(result: Result, statics: list[Static], polarity: str) -> dict[str, Any]:
@@ -178,9 +180,10 @@ def warnings(result: Result) -> list[str]:
     return said
 
 
-def as_text(name: str, answer: dict[str, Any]) -> str:
+def as_text(name: str, axis: AxisConfig, answer: dict[str, Any]) -> str:
     """Results for people."""
-    units = {"K_L": "SI/s/V", "K_L_up": "SI/s/V", "K_L_down": "SI/s/V", "null": "V", "delay": "s"}
+    gain, command = axis.gain_unit, axis.command_unit
+    units = {"K_L": gain, "K_L_up": gain, "K_L_down": gain, "null": command, "delay": "s"}
     lines = [f"{name}: polarity {answer['polarity']}"]
     for key, unit in units.items():
         if (found := answer[key]) is not None:
@@ -189,34 +192,62 @@ def as_text(name: str, answer: dict[str, Any]) -> str:
             lines.append(f"  {key:<14}{with_sd(found['value'], found['sd'])} {unit}  {between}")
     for key in ("deadband_up", "deadband_down"):
         low, high = answer[key]["interval"]
-        lines.append(f"  {key:<14}between {low:.4g} and {high:.4g} V")
+        lines.append(f"  {key:<14}between {low:.4g} and {high:.4g} {command}")
     if answer["supply_pressure"] is not None:
         lines.append(f"  {'ps':<14}{answer['supply_pressure']:.4g} Pa")
-    lines += [f"  K_L at {each['ps']:.4g} Pa: {each['K_L']['value']:.5g}" for each in answer["pressures"]]
+    lines += [
+        f"  K_L at {each['ps']:.4g} Pa: {each['K_L']['value']:.5g} {gain}" for each in answer["pressures"]
+    ]
     return "\n".join(lines + [f"  warning: {why}" for why in answer["warnings"]])
 
 
-def changes(name: str, axis: AxisConfig, answer: dict[str, Any]) -> dict[KeyPath, Any]:
-    """What to write into the rig file: the results, and the values in use."""
+def changes(name: str, axis: AxisConfig, answer: dict[str, Any], written: Any) -> dict[KeyPath, Any]:
+    """What to write into the rig file: the results, and the values in use.
+
+    A value whose interval holds zero is zero; one that is written with a unit keeps it.
+
+    Args:
+        name: The axis.
+        axis: What the rig file says of it.
+        answer: As of `as_json`.
+        written: The rig file's values as they are written.
+
+    Raises:
+        CalibrationError: The gain cannot be told from zero.
+    """
     here = ("axes", name)
     found = {key: answer[key] for key in CALIBRATION_KEYS if answer[key] is not None}
     date = dt.datetime.now(dt.UTC).date().isoformat()
-    values: dict[KeyPath, Any] = {
-        (*here, "relay", "bias"): round(answer["null"]["value"], 6),
-        (*here, "estimator", "delay"): round(max(0.0, answer["delay"]["value"]), 7),
-    }
+    null, delay = round(_or_zero(answer["null"]), 6), round(max(0.0, _or_zero(answer["delay"])), 7)
+    values: dict[KeyPath, Any] = {}
+    if null or axis.relay.bias:
+        values[(*here, "relay", "bias")] = null
+    if delay or axis.estimator.delay:
+        values[(*here, "estimator", "delay")] = delay
+    if not answer["pressures"] and isinstance(axis.K_L, float | int):
+        values[(*here, "K_L")] = _gain(name, axis, answer["K_L"])
+    values = {path: written_as(value, at(written, path)) for path, value in values.items()}
     if answer["pressures"]:
-        columns = {"ps": [round(each["ps"]) for each in answer["pressures"]]}
-        values[(*here, "K_L")] = {
-            "table": {
-                **columns,
-                "K_L": [float(f"{each['K_L']['value']:.6g}") for each in answer["pressures"]],
-            }
-        }
-    elif isinstance(axis.K_L, float | int):
-        values[(*here, "K_L")] = float(f"{answer['K_L']['value']:.6g}")
-    values[(*here, "calibration")] = {"date": date, **_rounded(found)}
-    return values
+        gains = [_gain(name, axis, each["K_L"]) for each in answer["pressures"]]
+        ps = [round(each["ps"]) for each in answer["pressures"]]
+        values[(*here, "K_L")] = {"table": {"ps": ps, "K_L": gains}}
+    return {**values, (*here, "calibration"): {"date": date, **_rounded(found)}}
+
+
+def _or_zero(found: dict[str, Any]) -> float:
+    """The value; 0 where its interval holds 0: what was measured is noise."""
+    low, high = found["interval"]
+    return 0.0 if low <= 0.0 <= high else float(found["value"])
+
+
+def _gain(name: str, axis: AxisConfig, found: dict[str, Any]) -> float:
+    if _or_zero(found) == 0.0:
+        low, high = found["interval"]
+        between = f"K_L lies between {low:.4g} and {high:.4g} {axis.gain_unit}"
+        raise CalibrationError(
+            f"{name}: {between}: it cannot be told from 0; raise relay.e_a or limits.travel"
+        )
+    return float(f"{found['value']:.6g}")
 
 
 def _rounded(value: Any) -> Any:

@@ -63,6 +63,7 @@ class Plan:
         pulse: Largest step of the first pulses [V].
         bias: The bias in force [V].
         measures_speed: The sensor measures the speed.
+        unit: Of the voltages, for messages.
     """
 
     K_L: float
@@ -71,6 +72,7 @@ class Plan:
     pulse: float
     bias: float = 0.0
     measures_speed: bool = False
+    unit: str = "V"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,7 @@ class Procedure:
         if abs(drift.speed) > MOVES_SD * drift.sd and not self.plan.measures_speed:
             self.bias -= drift.speed / self.plan.K_L
             if abs(self.bias) > 0.5 * self.plan.output:
-                what = f"it drifts by {drift.speed:.4g}/s at {drift.volts:.4g} V"
+                what = f"it drifts by {drift.speed:.4g}/s at {drift.volts:.4g} {self.plan.unit}"
                 raise CalibrationError(f"{what}: the null is too far off; adjust the valve first")
             self.rig.set_bias(self.bias)
 
@@ -157,7 +159,7 @@ class Procedure:
         try:
             return fit_response(drive, self.plan.K_L, self.plan.measures_speed)
         except ValueError as error:
-            raise CalibrationError(f"pulse of {sign * volts:.3g} V: {error}") from error
+            raise CalibrationError(f"pulse of {sign * volts:.3g} {self.plan.unit}: {error}") from error
 
     def edge(self, sign: float, settling: float) -> Edge:
         """Edge of the deadband: a slow staircase until it moves, then halving."""
@@ -166,7 +168,9 @@ class Procedure:
         while not self._moves(sign * moves, length):
             still, moves = moves, 2.0 * moves
             if moves + abs(self.bias) > self.plan.output:
-                raise CalibrationError(f"it does not move at {sign * still:+.3g} V: is the pressure on?")
+                raise CalibrationError(
+                    f"it does not move at {sign * still:+.3g} {self.plan.unit}: is the pressure on?"
+                )
         for _ in range(3):
             middle = 0.5 * (still + moves)
             if self._moves(sign * middle, length):

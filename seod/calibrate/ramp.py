@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seod.calibrate.procedure import CalibrationError
-from seod.text import number, with_sd
+from seod.files.user_files import named
+from seod.terminal.text import number, with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,7 +34,7 @@ CLEAN_SCATTER = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Means at one e_a [V]: omega_n [rad/s]; sd is that of the mean, None without estimates that are ok."""
+    """Means at one e_a [V]: omega_n [rad/s]; sd is that of the mean, None without estimates that have one."""
 
     e_a: float
     estimates: int
@@ -48,7 +49,8 @@ class Step:
 def step_of(e_a: float, estimates: Sequence[dict[str, Any]]) -> Step:
     """What the estimates at one amplitude say together.
 
-    Neighbouring estimates share their window, so the mean is credited no more than the median's own sd.
+    Neighbouring estimates share their window, and all of them what is known of the delay: the mean is
+    credited no more than the median's own sd, and none where the method states none.
     Those that are good but for their dependence on e_a count: it is what the ramp is to show.
     """
     good = [e for e in estimates if _is_clean(e) and e["zeta"] is not None]
@@ -61,7 +63,7 @@ def step_of(e_a: float, estimates: Sequence[dict[str, Any]]) -> Step:
         own = [e[f"{name}_sd"] for e in good if e[f"{name}_sd"] is not None]
         spread = float(values.std(ddof=1))
         means.append(float(values.mean()))
-        sds.append(max(spread / math.sqrt(len(good) / 4), float(np.median(own)) / 2 if own else 0.0))
+        sds.append(max(spread / math.sqrt(len(good) / 4), float(np.median(own))) if own else None)
         scatters.append(spread / float(values.mean()))
     clean = share >= CLEAN_SHARE and scatters[0] <= CLEAN_SCATTER
     return Step(e_a, len(estimates), share, means[0], sds[0], means[1], sds[1], clean)
@@ -83,7 +85,7 @@ def smallest_clean(steps: Sequence[Step]) -> float | None:
 
 def depends(steps: Sequence[Step], name: str) -> bool:
     """Whether zeta or omega_n differs between clean steps by more than their 95 % intervals explain."""
-    clean = [step for step in steps if step.clean]
+    clean = [step for step in steps if step.clean and getattr(step, f"{name}_sd") is not None]
     if len(clean) < 2:
         return False
     values = np.array([getattr(step, name) for step in clean])
@@ -103,14 +105,17 @@ def ramp(client: Client, axis: str, low: float, high: float, steps: int) -> Iter
     """
     before = client.get(axis)
     was_idle = before["state"] == "idle"
+    subscription = client.subscribe(["estimate", "event"], [axis])
     try:
         client.set(axis, e_a=low)
         if was_idle:
             client.start(axis)
         for e_a in np.linspace(low, high, steps).tolist():
+            client.forget()
             client.set(axis, e_a=e_a)
             yield step_of(e_a, settled(client, axis))
     finally:
+        client.unsubscribe(subscription)
         if was_idle:
             client.stop(axis)
         client.set(axis, e_a=before["settings"]["e_a"])
@@ -119,15 +124,24 @@ def ramp(client: Client, axis: str, low: float, high: float, steps: int) -> Iter
 def settled(client: Client, axis: str) -> list[dict[str, Any]]:
     """Estimates of one step, once the limit cycle has followed the new amplitude.
 
+    Estimates come after the rows that they are of: the change's own event tells from when on they count. Both
+    have to be subscribed to before the change.
+
     Raises:
         CalibrationError: The axis is in fault.
     """
-    first, kept = None, []
-    for estimate in client.estimates(axis, STEP_S):
-        first = estimate["t"] if first is None else first
+    since, kept = None, []
+    for message in client.notifications(STEP_S):
+        estimate = message["params"]
+        if estimate.get("axis") != axis or message["method"] not in ("estimate", "event"):
+            continue
+        if message["method"] == "event":
+            since = estimate["t"] if "e_a" in estimate.get("values", {}) else since
+            continue
+        since = estimate["t"] if since is None else since
         if estimate["quality"] == "fault":
             raise CalibrationError(f"{axis} is in fault: {client.get(axis)['fault']['why']}")
-        if estimate["t"] - first >= SETTLE_S:
+        if estimate["t"] - since >= SETTLE_S:
             kept.append(estimate)
         if len(kept) == ESTIMATES:
             break
@@ -173,11 +187,12 @@ def plot(answer: dict[str, Any], path: Path) -> None:
     figure = Figure(figsize=(6.4, 5.0), layout="constrained")
     good = [step for step in answer["steps"] if step["zeta"] is not None]
     for axes, name in zip(figure.subplots(2, 1, sharex=True), ("zeta", "omega_n"), strict=True):
-        bars = [1.96 * step[f"{name}_sd"] for step in good]
+        bars = [1.96 * (step[f"{name}_sd"] or 0.0) for step in good]
         axes.errorbar([s["e_a"] for s in good], [s[name] for s in good], bars, fmt="o-", capsize=3)
         axes.set_ylabel("zeta" if name == "zeta" else "omega_n [rad/s]")
     axes.set_xlabel("e_a [V]")
-    figure.savefig(path, format="png", dpi=120)
+    with named(path):
+        figure.savefig(path, format="png", dpi=120)
 
 
 def run(

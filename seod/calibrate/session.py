@@ -111,13 +111,13 @@ class RemoteRig:
                 return make(*self._record(duration))
             except ValueError as error:
                 why = str(error)
-        raise CalibrationError(f"{MAX_TRIES} drives of {volts:+.3g} V could not be recorded: {why}")
+        raise CalibrationError(f"{MAX_TRIES} drives of {volts:+.3g} could not be recorded: {why}")
 
     def _record(self, duration: float) -> tuple[Sequence[dict[str, Any]], Sequence[dict[str, Any]]]:
         """Samples of the rest before a drive, and of the drive."""
         kept: list[dict[str, Any]] = []
         rest = deque(self._rest, maxlen=REST_ROWS)
-        moved, idle_since, self._lost = False, None, 0
+        moved, idle_since, self._lost, over = False, None, 0, self._newest["t"] + duration
         for sample in self._samples(duration + SILENCE_S):
             state = sample["state"]
             if state == "exciting":
@@ -126,7 +126,7 @@ class RemoteRig:
                 rest.append(sample)
             if state != "idle":
                 self._rest.clear()
-            moved |= state not in ("idle", "fault") or self._moved_unseen()
+            moved |= state not in ("idle", "fault") or (sample["t"] > over and self._moved_unseen())
             if state == "fault" and moved:
                 raise CalibrationError(self._fault())
             if state == "idle" and moved:

@@ -71,7 +71,7 @@ def steady_speed(drive: Recording, after: float, measures_speed: bool) -> Point:
     steady = drive.t >= drive.step_t + after
     t, y = drive.t[steady], drive.y[steady]
     if len(t) < 8:
-        raise ValueError(f"only {len(t)} samples of a drive at {drive.volts:g} V are steady")
+        raise ValueError(f"only {len(t)} samples of a drive at {drive.volts:g} are steady")
     order = 0 if measures_speed else 1
     centred = t - t.mean()
     coefficients = np.polynomial.polynomial.polyfit(centred, y, order)

@@ -5,22 +5,55 @@ Each command imports only what it needs, so that `seod status` answers at once.
 
 from __future__ import annotations
 
+import math
+import os
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from seod.client import ClientError
 from seod.config.errors import ConfigErrors
+from seod.files.user_files import said
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from seod.config.model import RigConfig
 
-app = typer.Typer(
+
+_Function = TypeVar("_Function", bound="Callable[..., Any]")
+
+
+class FiniteCommand(TyperCommand):
+    """A command none of whose numbers is infinite or none at all, which ranges let through."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line.
+
+        Raises:
+            typer.BadParameter: A number is not finite.
+        """
+        rest = super().parse_args(ctx, args)
+        for param in self.get_params(ctx):
+            value = ctx.params.get(param.name)
+            if isinstance(value, float) and not math.isfinite(value):
+                raise typer.BadParameter("must be a finite number", ctx, param_hint=f"'{param.opts[0]}'")
+        return rest
+
+
+class _App(typer.Typer):
+    """Its commands are `FiniteCommand`."""
+
+    def command(self, *args: Any, **kwargs: Any) -> Callable[[_Function], _Function]:
+        """As of `typer.Typer`."""
+        return super().command(*args, **{"cls": FiniteCommand, **kwargs})
+
+
+app = _App(
     help="Live damping ratio and natural frequency of hydraulic servo actuators.",
     no_args_is_help=True,
     add_completion=False,
@@ -29,12 +62,44 @@ app = typer.Typer(
 )
 
 ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="Rig file.", show_default=False)]
-Duration = Annotated[float | None, typer.Option("--for", min=0.0, metavar="S", help="End after this long.")]
+MOST_S = 1e9
+"""Longest time that anyone can mean [s]: 30 years."""
+MOST_V = 1e4
+"""Largest voltage that anyone can mean [V]: a thousand times that of an amplifier."""
+MOST_SEED = 2**63 - 1
+Duration = Annotated[
+    float | None, typer.Option("--for", min=0.0, max=MOST_S, metavar="S", help="End after this long.")
+]
 Columns = Annotated[
     str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
 ]
 Units = Annotated[
     str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+]
+
+
+def _gain(text: str) -> float:
+    """K_L in SI, from a number or one with its unit."""
+    from seod.config.units import GAINS, parse_quantity  # noqa: PLC0415 - few commands need it
+
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return parse_quantity(text, *GAINS)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+Gain = Annotated[
+    float | None,
+    typer.Option(
+        "--gain",
+        metavar="K",
+        parser=_gain,
+        help="K_L, if it is known, such as '50 mm/s/V' (without a unit SI); left out: it is estimated.",
+    ),
 ]
 Between = Annotated[str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")]
 
@@ -56,11 +121,27 @@ def plain_errors() -> Iterator[None]:
     except (ClientError, CommandError) as error:
         print(f"seod: {error}", file=sys.stderr)  # noqa: T201
         raise typer.Exit(1) from None
+    except BrokenPipeError:  # whoever reads the answer has enough
+        raise
+    except OSError as error:
+        print(f"seod: {said(error)}", file=sys.stderr)  # noqa: T201
+        raise typer.Exit(1) from None
 
 
 def show(text: str) -> None:
-    """Print an answer."""
-    print(text, flush=True)  # noqa: T201
+    """Print an answer.
+
+    Raises:
+        CommandError: The output takes nothing.
+    """
+    try:
+        print(text, flush=True)  # noqa: T201
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        with Path(os.devnull).open("wb") as nothing:
+            os.dup2(nothing.fileno(), sys.stdout.fileno())  # what is left cannot be told either
+        raise CommandError(f"standard output: {error.strerror}") from error
 
 
 def rising(text: str, option: str) -> tuple[float, float]:

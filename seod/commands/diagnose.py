@@ -7,7 +7,18 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import Between, Columns, CommandError, Units, app, load, plain_errors, rising, show
+from seod.commands.common import (
+    Between,
+    Columns,
+    CommandError,
+    Gain,
+    Units,
+    app,
+    load,
+    plain_errors,
+    rising,
+    show,
+)
 
 
 @app.command()
@@ -29,20 +40,44 @@ def diagnose(
     axis: Annotated[str | None, typer.Option(help="Of recordings and rig files with several.")] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
+        typer.Option(help="What y is. Default: as the rig file's axis has it; else both are tried."),
+    ] = None,
+    gain: Gain = None,
+    delay: Annotated[
+        float | None,
         typer.Option(
-            help="What y is. Default: by the unit of y, or as the rig file's axis has it; else position."
+            metavar="S", min=0.0, max=100.0, help="Delay, if it is known; else a cause like others."
         ),
     ] = None,
+    hold: Annotated[
+        Literal["zero", "first"],
+        typer.Option(help="Whether u holds until the next row or runs straight on to it."),
+    ] = "zero",
     columns: Columns = "",
     units: Units = "",
     between: Between = None,
+    effort: Annotated[
+        Literal["quick", "normal", "thorough"],
+        typer.Option(help="How long causes are searched for; thorough: until all are tried."),
+    ] = "normal",
+    relevance: Annotated[
+        float,
+        typer.Option(
+            metavar="PERCENT",
+            min=0.0,
+            max=100.0,
+            help="Systematic rest that is called unexplained, in % of the movement's standard deviation.",
+        ),
+    ] = 2.0,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
 ) -> None:
     """Show what the simulation gets wrong, name the cause, and extend the model."""
     from seod.data.source import ReadError  # noqa: PLC0415 - numerics, and a compiler
-    from seod.diagnose.answer import DiagnoseError  # noqa: PLC0415
-    from seod.diagnose.run import Wishes, run  # noqa: PLC0415
+    from seod.diagnose.command import Options, run  # noqa: PLC0415
+    from seod.diagnose.result import DiagnoseError  # noqa: PLC0415
 
+    if gain == 0.0:
+        raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
     with plain_errors():
         rig = None if config is None else (config, load(config))
         if rig is not None and axis is not None and axis not in rig[1].axes:
@@ -50,8 +85,9 @@ def diagnose(
         if rig is not None and axis is None and len(rig[1].axes) > 1:
             raise CommandError(f"{config} has the axes {', '.join(rig[1].axes)}: choose one by --axis")
         part = None if between is None else rising(between, "--between")
-        wishes = Wishes(holdout or [], rig, out, axis, output, columns, units, part, as_json)
+        told = effort, hold, gain, delay, 0.01 * relevance
+        options = Options(holdout or [], rig, out, axis, output, columns, units, part, as_json, *told)
         try:
-            show(run(paths, wishes))
-        except (ReadError, DiagnoseError, OSError) as error:
+            show(run(paths, options))
+        except (ReadError, DiagnoseError) as error:
             raise CommandError(str(error)) from error

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import Columns, CommandError, Units, app, load, plain_errors, show
+from seod.commands.common import Columns, CommandError, Gain, Units, app, load, plain_errors, show
 
 
 @app.command()
@@ -24,12 +23,10 @@ def identify(
         Literal["output_error", "wave", "exact", "peaks"],
         typer.Option(help="Simulated output to the whole, or a live estimator on a relay's recording."),
     ] = "output_error",
-    gain: Annotated[
-        float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
-    ] = None,
+    gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.0, help="Delay, if it is known; left out: it is estimated."),
+        typer.Option(metavar="S", min=0.0, max=1e3, help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
@@ -47,21 +44,19 @@ def identify(
 ) -> None:
     """Identify omega_n, zeta, K_L and delay from recordings, and say what they cannot tell."""
     from seod.data.source import ReadError  # noqa: PLC0415 - numerics
-    from seod.identify.command import Wishes, run  # noqa: PLC0415
+    from seod.identify.command import Options, run  # noqa: PLC0415
     from seod.identify.record import IdentifyError  # noqa: PLC0415
 
-    if gain is not None and (gain == 0.0 or not math.isfinite(gain)):
+    if gain == 0.0:
         raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
-    if delay is not None and not math.isfinite(delay):
-        raise typer.BadParameter("must be a number", param_hint="--delay")
     with plain_errors():
         rig = None if config is None else load(config)
         if rig is not None and axis is not None and axis not in rig.axes:
             raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
         if rig is not None and axis is None and len(rig.axes) > 1:
             raise CommandError(f"{config} has the axes {', '.join(rig.axes)}: choose one by --axis")
-        wishes = Wishes(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
+        options = Options(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
         try:
-            show(run(paths, rig, wishes))
-        except (ReadError, IdentifyError, OSError) as error:
+            show(run(paths, rig, options))
+        except (ReadError, IdentifyError) as error:
             raise CommandError(str(error)) from error

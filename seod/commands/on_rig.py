@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from seod.commands.common import CommandError, ConfigPath, Duration, app, load, plain_errors, show
-
-if TYPE_CHECKING:
-    from sim.config import SimulationConfig
 
 
 @app.command()
@@ -25,23 +23,23 @@ def run(
     watch: Annotated[bool, typer.Option("--watch", help="Show live estimates.")] = False,
 ) -> None:
     """Run the daemon in the foreground."""
-    from seod import launch  # noqa: PLC0415
+    from seod.launch import daemon  # noqa: PLC0415
 
     with plain_errors():
         try:
             if not (start or watch):
-                launch.run(path, duration, record)  # replaces this process
+                daemon.run(path, duration, record)  # replaces this process
             raise typer.Exit(_attend(path, duration, record, start, watch))
-        except launch.LaunchError as error:
+        except daemon.LaunchError as error:
             raise CommandError(str(error)) from error
 
 
 def _attend(path: Path, duration: float | None, record: Path | None, start: bool, watch: bool) -> int:
-    from seod.attend import AttendError, attend  # noqa: PLC0415
+    from seod.launch.with_client import StartError, run_with_client  # noqa: PLC0415
 
     try:
-        return abs(attend(load(path), path, duration, record, start, watch))
-    except AttendError as error:
+        return abs(run_with_client(load(path), path, duration, record, start, watch))
+    except StartError as error:
         raise CommandError(str(error)) from error
 
 
@@ -62,46 +60,29 @@ def rig(
         config = load(path)
         if config.simulation is None:
             raise CommandError(f"{path} has no `simulation:` section: there is nothing to simulate")
+        from drivers import driver_class  # noqa: PLC0415
         from drivers.base import DriverError  # noqa: PLC0415
 
         try:
-            _be_rig(config.driver, config.simulation, control_port, duration, port)
-        except (DriverError, OSError) as error:
+            driver = driver_class(config.driver["kind"])
+            if not driver.peer:
+                text = f"driver.kind {config.driver['kind']} has no line with another end"
+                raise CommandError(f"{text}; `seod rig` needs can or serial")
+            options = driver.Options.model_validate(config.driver)
+            import_module(driver.peer).run(options, config.simulation, control_port, duration, port)
+        except DriverError as error:
             raise CommandError(str(error)) from error
-
-
-def _be_rig(
-    driver: dict[str, Any],
-    simulation: SimulationConfig,
-    control_port: int | None,
-    duration: float | None,
-    port: str | None,
-) -> None:
-    match driver["kind"]:
-        case "can":
-            from drivers.can_config import CanOptions  # noqa: PLC0415
-            from sim import can_rig  # noqa: PLC0415
-
-            can_rig.run(CanOptions.model_validate(driver), simulation, control_port, duration)
-        case "serial":
-            from drivers.serial_config import SerialOptions  # noqa: PLC0415
-            from sim import serial_rig  # noqa: PLC0415
-
-            serial_rig.run(SerialOptions.model_validate(driver), simulation, control_port, duration, port)
-        case kind:
-            text = f"driver.kind {kind} has no line with another end; `seod rig` needs can or serial"
-            raise CommandError(text)
 
 
 @app.command()
 def latency(
     duration: Annotated[
-        float, typer.Option("--for", min=0.1, metavar="S", help="Measure for this long.")
+        float, typer.Option("--for", min=0.1, max=86_400.0, metavar="S", help="Measure for this long.")
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
 ) -> None:
     """Show how late this machine and the loop wake up, and what to change."""
-    from seod.measure_latency import MeasureError, measure  # noqa: PLC0415 - the whole loop
+    from seod.latency.measure import MeasureError, measure  # noqa: PLC0415 - the whole loop
 
     with plain_errors():
         try:
@@ -116,7 +97,7 @@ def calibrate(
     path: ConfigPath,
     axis: Annotated[str | None, typer.Option(help="This axis alone.")] = None,
     pressures: Annotated[
-        int, typer.Option(min=1, help="Measure at so many supply pressures; asks for each.")
+        int, typer.Option(min=1, max=100, help="Measure at so many supply pressures; asks for each.")
     ] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the change, write nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Move and write without asking.")] = False,
@@ -132,8 +113,8 @@ def calibrate(
             raise CommandError(f"no axis {axis!r}; {path} has {', '.join(config.axes)}")
         try:
             axes = list(config.axes) if axis is None else [axis]
-            shell.calibrate(config, path, axes, pressures, shell.Wishes(dry_run, yes, as_json))
-        except (CalibrationError, OSError) as error:
+            shell.calibrate(config, path, axes, pressures, shell.Options(dry_run, yes, as_json))
+        except CalibrationError as error:
             raise CommandError(str(error)) from error
 
 
@@ -143,6 +124,6 @@ def check(path: ConfigPath) -> None:
     from seod.config.check import check as judge  # noqa: PLC0415
 
     with plain_errors():
-        report = judge(load(path))
+        report = judge(load(path), path)
         show(str(report))
         raise typer.Exit(report.exit_status)

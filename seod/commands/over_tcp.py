@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seod.client import DEFAULT_HOST, DEFAULT_PORT, Client
-from seod.commands.common import CommandError, Duration, app, plain_errors, show
+from seod.commands.common import MOST_V, CommandError, Duration, app, plain_errors, show
+from seod.files.user_files import irregular
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +29,12 @@ def client_command(function: Callable[..., None]) -> Callable[..., None]:
         host: Annotated[str, typer.Option(help="Where the daemon runs.")] = DEFAULT_HOST,
         port: Annotated[int, typer.Option(help="Its port.", min=1, max=65535)] = DEFAULT_PORT,
         token: Annotated[
-            str | None, typer.Option(envvar="SEOD_TOKEN", help="Its token, if it wants one.")
+            str | None,
+            typer.Option(envvar="SEOD_TOKEN", help="Its token, if it wants one; `ps` shows it to everyone."),
+        ] = None,
+        token_file: Annotated[
+            Path | None,
+            typer.Option(metavar="FILE", envvar="SEOD_TOKEN_FILE", help="Read the token from this file."),
         ] = None,
         tls: Annotated[
             Path | None, typer.Option(metavar="PEM", help="Use TLS; trust this certificate.")
@@ -35,9 +42,14 @@ def client_command(function: Callable[..., None]) -> Callable[..., None]:
     ) -> None: ...
 
     @wraps(function)
-    def command(host: str, port: int, token: str | None, tls: Path | None, **arguments: Any) -> None:
-        with plain_errors(), Client(host, port, token, tls) as client:
-            function(client, **arguments)
+    def command(
+        host: str, port: int, token: str | None, token_file: Path | None, tls: Path | None, **arguments: Any
+    ) -> None:
+        with plain_errors():
+            if tls is not None and (why := irregular(tls)):
+                raise CommandError(f"{tls}: {why}")
+            with Client(host, port, _token(token, token_file), tls) as client:
+                function(client, **arguments)
 
     signatures = [inspect.signature(f, eval_str=True) for f in (function, connection)]
     own, common = (list(signature.parameters.values()) for signature in signatures)
@@ -48,10 +60,26 @@ def client_command(function: Callable[..., None]) -> Callable[..., None]:
     return function
 
 
+def _token(token: str | None, file: Path | None) -> str | None:
+    """The client's token; one that is given by itself counts before a file.
+
+    Raises:
+        CommandError: The file holds none, or others can read it.
+    """
+    if token or file is None:
+        return token
+    from seod.config.tokens import TokenError, read_token_file  # noqa: PLC0415 - pydantic
+
+    try:
+        return read_token_file(file)
+    except TokenError as error:
+        raise CommandError(str(error)) from error
+
+
 @client_command
 def status(client: Client, as_json: Json = False) -> None:
     """Show the whole rig at once."""
-    from seod import text  # noqa: PLC0415
+    from seod.terminal import text  # noqa: PLC0415
 
     answer = client.status()
     show(json.dumps(answer) if as_json else text.status(answer))
@@ -60,7 +88,7 @@ def status(client: Client, as_json: Json = False) -> None:
 @client_command
 def get(client: Client, axis: Axis = None, as_json: Json = False) -> None:
     """Show an axis: state, settings and newest estimate."""
-    from seod import text  # noqa: PLC0415
+    from seod.terminal import text  # noqa: PLC0415
 
     answer = client.get(axis)
     show(json.dumps(answer) if as_json else text.axis(answer))
@@ -73,7 +101,7 @@ def watch(
     count: Annotated[int | None, typer.Option(min=1, help="End after so many estimates.")] = None,
 ) -> None:
     """Show live estimates: a table in a terminal, else one line for each."""
-    from seod.view import watch as show_live  # noqa: PLC0415
+    from seod.terminal.live_view import watch as show_live  # noqa: PLC0415
 
     show_live(client, duration, count)
 
@@ -90,11 +118,31 @@ def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | st
         name, equals, value = word.partition("=")
         if not equals:
             raise typer.BadParameter(f"{word!r} is not NAME=VALUE, such as e_a=1.5")
-        try:
-            values[name] = float(value)
-        except ValueError:
-            values[name] = {"true": True, "false": False}.get(value, value)
+        values[name] = _assigned(name, value)
     return axis, values
+
+
+def _assigned(name: str, value: str) -> float | str:
+    """A number, also one with its unit, in SI; else a word.
+
+    Raises:
+        typer.BadParameter: A unit that does not fit.
+    """
+    from seod.config.units import SETTINGS, dimension_of, parse_quantity  # noqa: PLC0415 - only a few need it
+
+    try:
+        number = float(value)
+    except ValueError:
+        if dimension_of(value) is None:
+            return {"true": True, "false": False}.get(value, value)
+    else:
+        if not math.isfinite(number):
+            raise typer.BadParameter(f"{name}={value}: must be a finite number")
+        return number
+    try:
+        return parse_quantity(value, *SETTINGS.get(name, ()))
+    except ValueError as error:
+        raise typer.BadParameter(f"{name}: {error}") from error
 
 
 def _check_assignments(words: list[str]) -> list[str]:
@@ -106,7 +154,8 @@ Assignments = Annotated[
     list[str],
     typer.Argument(
         metavar="[AXIS] NAME=VALUE...",
-        help="e_a, bias [V], hysteresis [axis unit], K_L, method, two_phase; with a speed reference, trim.",
+        help="e_a, bias, hysteresis, K_L ('50 mm/s/V'; without a unit SI), method, two_phase; "
+        "with a speed reference, trim.",
         callback=_check_assignments,
     ),
 ]
@@ -115,7 +164,7 @@ Assignments = Annotated[
 @client_command
 def set_(client: Client, assignments: Assignments, as_json: Json = False) -> None:
     """Change settings of an axis."""
-    from seod import text  # noqa: PLC0415
+    from seod.terminal import text  # noqa: PLC0415
 
     axis, values = read_assignments(assignments)
     answer = client.set(axis, **values)
@@ -123,9 +172,20 @@ def set_(client: Client, assignments: Assignments, as_json: Json = False) -> Non
 
 
 @client_command
-def start(client: Client, axis: Axis = None) -> None:
+def start(
+    client: Client,
+    axis: Axis = None,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Hold the rig (guard.dead_man) until Ctrl-C, then stop it.")
+    ] = False,
+) -> None:
     """Excite an axis, or all."""
-    client.start(axis)
+    if not hold:
+        client.start(axis)
+        return
+    from seod.client.keepalive import hold_until_interrupted  # noqa: PLC0415
+
+    hold_until_interrupted(client, axis)
 
 
 @client_command
@@ -149,8 +209,8 @@ def reset(client: Client, axis: Axis = None) -> None:
 @client_command
 def ramp(
     client: Client,
-    low: Annotated[float, typer.Option("--from", min=0.0, metavar="V", help="Smallest e_a.")],
-    high: Annotated[float, typer.Option("--to", min=0.0, metavar="V", help="Largest e_a.")],
+    low: Annotated[float, typer.Option("--from", min=0.0, max=MOST_V, metavar="V", help="Smallest e_a.")],
+    high: Annotated[float, typer.Option("--to", min=0.0, max=MOST_V, metavar="V", help="Largest e_a.")],
     axis: Axis = None,
     steps: Annotated[int, typer.Option(min=2, max=100, help="Amplitudes.")] = 8,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from seod.commands.common import Columns, Units, app, show
+from seod.commands.common import Columns, CommandError, Units, app, plain_errors, show
+from seod.files.user_files import said
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,16 +27,14 @@ Dbc = Annotated[Path | None, typer.Option(metavar="FILE", help="DBC of a CAN log
 
 @contextmanager
 def _plain_errors() -> Iterator[None]:
-    """Say what went wrong on stderr and exit with 1."""
+    """As `plain_errors`, for recordings that cannot be read too."""
     from seod.data.source import ReadError  # noqa: PLC0415 - numpy
 
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise typer.Exit(130) from None
-    except (ReadError, OSError) as error:
-        print(f"seod: {error}", file=sys.stderr)  # noqa: T201
-        raise typer.Exit(1) from None
+    with plain_errors():
+        try:
+            yield
+        except ReadError as error:
+            raise CommandError(str(error)) from error
 
 
 @app.command()
@@ -95,3 +94,25 @@ def export(
             print(line, file=sys.stderr)  # noqa: T201
         for file in done.files:
             show(str(file))
+
+
+@app.command()
+def scrub(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Recordings: MCAP, CSV; each file of a series.")
+    ],
+) -> None:
+    """Take the server's tokens out of recordings of earlier versions; all else in them stays as it is."""
+    from seod.data.source import ReadError  # noqa: PLC0415 - numpy
+    from seod.scrub.changes import ScrubError  # noqa: PLC0415
+    from seod.scrub.command import scrub as clean  # noqa: PLC0415
+
+    failed = False
+    for path in paths:
+        try:
+            show(clean(path))
+        except (ScrubError, ReadError, OSError) as error:
+            failed = True
+            print(f"seod: {said(error) if isinstance(error, OSError) else error}", file=sys.stderr)  # noqa: T201
+    if failed:
+        raise typer.Exit(1)

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from seod.commands.common import Between, Columns, CommandError, Units, app, load, plain_errors, rising, show
+from seod.commands.common import (
+    MOST_S,
+    MOST_SEED,
+    MOST_V,
+    Between,
+    Columns,
+    CommandError,
+    Gain,
+    Units,
+    app,
+    load,
+    plain_errors,
+    rising,
+    show,
+)
 
 
 @app.command()
@@ -25,7 +40,12 @@ def response(
     ] = None,
     amplitude: Annotated[
         float | None,
-        typer.Option(metavar="V", min=1e-6, help="Largest voltage. Default: e_a, or less to fit the limits."),
+        typer.Option(
+            metavar="V",
+            min=1e-6,
+            max=MOST_V,
+            help="Largest voltage. Default: e_a, or less to fit the limits.",
+        ),
     ] = None,
     band: Annotated[
         str | None,
@@ -33,7 +53,7 @@ def response(
     ] = None,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", min=1e-3, help="Of the multisine, or of DATA. Default: found."),
+        typer.Option(metavar="S", min=1e-3, max=MOST_S, help="Of the multisine, or of DATA. Default: found."),
     ] = None,
     periods: Annotated[
         int | None, typer.Option(min=3, max=1000, help="Of each multisine, to average over. Default: 6.")
@@ -42,13 +62,14 @@ def response(
         int | None, typer.Option(min=1, max=100, help="Multisines with other phases. Default: 4.")
     ] = None,
     points: Annotated[int | None, typer.Option(min=4, max=200, help="Sines. Default: 20.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the phases. Default: 1.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, max=MOST_SEED, help="Of the phases. Default: 1.")] = None,
     relay: Annotated[
         bool | None,
         typer.Option("--relay/--no-relay", help="Run the relay before, to compare. Default: yes."),
     ] = None,
     e_a: Annotated[
-        float | None, typer.Option("--e-a", metavar="V", min=1e-6, help="Of that relay. Default: as set.")
+        float | None,
+        typer.Option("--e-a", metavar="V", min=1e-6, max=MOST_V, help="Of that relay. Default: as set."),
     ] = None,
     predict: Annotated[
         bool, typer.Option("--predict", help="Simulate what the rig file's plant would show.")
@@ -56,11 +77,10 @@ def response(
     limit_cycle: Annotated[
         Path | None, typer.Option(metavar="FILE", help="With DATA: a relay's recording, to compare with.")
     ] = None,
-    gain: Annotated[
-        float | None, typer.Option(metavar="K", help="K_L, if it is known; left out: it is estimated.")
-    ] = None,
+    gain: Gain = None,
     delay: Annotated[
-        float | None, typer.Option(metavar="S", help="Delay, if it is known; left out: it is estimated.")
+        float | None,
+        typer.Option(metavar="S", min=0.0, max=1e3, help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[Literal["position", "velocity"], typer.Option(help="What y of DATA is.")] = "position",
     columns: Columns = "",
@@ -89,31 +109,31 @@ def response(
         }
         chosen = {name: value for name, value in given.items() if value is not None}
         part = None if between is None else rising(between, "--between")
-        wishes = command.Wishes(
+        options = command.Options(
             axis, gain, delay, output, columns, units, part, period, limit_cycle, predict, as_json, plot
         )
-        _check(paths, config, chosen, wishes)
+        _check(paths, config, chosen, options)
         try:
             rig = None if config is None else load(config)
             if paths:
-                show(command.from_recordings(paths, rig, wishes))
+                show(command.from_recordings(paths, rig, options))
             elif rig is not None and config is not None:
-                show(command.on_rig(rig, config, live.Wishes(period=period, **chosen), wishes))
-        except (ReadError, RespondError, CalibrationError, OSError) as error:
+                show(command.on_rig(rig, config, live.Options(period=period, **chosen), options))
+        except (ReadError, RespondError, CalibrationError) as error:
             raise CommandError(str(error)) from error
 
 
-def _check(paths: list[Path] | None, config: Path | None, chosen: dict[str, Any], wishes: Any) -> None:
+def _check(paths: list[Path] | None, config: Path | None, chosen: dict[str, Any], options: Any) -> None:
     """What does not go together."""
     if not paths and config is None:
         raise CommandError("give recordings, or a rig by --config")
     live_only = sorted(f"--{name.replace('_', '-')}" for name in chosen)
-    if paths and (live_only or wishes.predict):
-        what = ", ".join([*live_only, *(["--predict"] if wishes.predict else [])])
+    if paths and (live_only or options.predict):
+        what = ", ".join([*live_only, *(["--predict"] if options.predict else [])])
         raise CommandError(f"{what}: for a rig that is excited, not for recordings")
-    default = type(wishes)()
+    default = type(options)()
     for name in ("output", "columns", "units", "between", "relay"):
-        if not paths and getattr(wishes, name) != getattr(default, name):
+        if not paths and getattr(options, name) != getattr(default, name):
             option = {"relay": "limit-cycle"}.get(name, name)
             raise CommandError(f"--{option}: for recordings, not for a rig")
 
@@ -125,6 +145,6 @@ def _pair(option: str, text: str) -> tuple[float, float]:
         CommandError: It is not that.
     """
     pair = rising(text, option)
-    if not pair[0] > 0.0:
+    if not 0.0 < pair[0] < pair[1] < math.inf:
         raise CommandError(f"{option} {text}: give two rising numbers above 0, such as 0.5:60")
     return pair

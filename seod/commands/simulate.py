@@ -8,7 +8,20 @@ from typing import Annotated
 
 import typer
 
-from seod.commands.common import CommandError, ConfigPath, app, load, plain_errors, show
+from seod.commands.common import (
+    MOST_S,
+    MOST_SEED,
+    MOST_V,
+    CommandError,
+    ConfigPath,
+    app,
+    load,
+    plain_errors,
+    show,
+)
+
+MOST_LINES = 1_000_000
+"""Lines of a multisine, or cycles: more than any recording has."""
 
 
 @app.command()
@@ -27,12 +40,21 @@ def simulate(
             help="relay, two-phase, sine, sweep (by octaves), linear-sweep, multisine, steps or file.",
         ),
     ] = "relay",
-    amplitude: Annotated[float | None, typer.Option(metavar="V", min=0.0, help="Default: e_a.")] = None,
+    amplitude: Annotated[
+        float | None, typer.Option(metavar="V", min=0.0, max=MOST_V, help="Default: e_a.")
+    ] = None,
     bias: Annotated[
         float | None,
-        typer.Option(metavar="V", help="Added to it. Default: relay.bias, and that of the reference speed."),
+        typer.Option(
+            metavar="V",
+            min=-MOST_V,
+            max=MOST_V,
+            help="Added to it. Default: relay.bias, and that of the reference speed.",
+        ),
     ] = None,
-    duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="Default: 10 s.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", min=0.0, max=MOST_S, help="Default: 10 s.")
+    ] = None,
     frequency: Annotated[
         float | None,
         typer.Option(
@@ -44,35 +66,42 @@ def simulate(
         typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine [Hz]. Default: by the plant."),
     ] = None,
     period: Annotated[
-        float | None, typer.Option(metavar="S", min=1e-3, help="Of the multisine. Default: the duration.")
+        float | None,
+        typer.Option(metavar="S", min=1e-3, max=MOST_S, help="Of the multisine. Default: the duration."),
     ] = None,
     lines: Annotated[
-        int | None, typer.Option(min=1, help="So many of the multisine, by octaves. Default: all.")
+        int | None,
+        typer.Option(min=1, max=MOST_LINES, help="So many of the multisine, by octaves. Default: all."),
     ] = None,
-    cycles: Annotated[int | None, typer.Option(min=1, help="Of each of the two phases. Default: 3.")] = None,
+    cycles: Annotated[
+        int | None, typer.Option(min=1, max=MOST_LINES, help="Of each of the two phases. Default: 3.")
+    ] = None,
     input_: Annotated[
         Path | None,
         typer.Option("--input", metavar="FILE", help="CSV with columns t, u, and if wanted ps, temperature."),
     ] = None,
     noise: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Standard deviation, as `noise` of the plant. Default: the rig file's."),
+        typer.Option(
+            min=0.0, max=1e6, help="Standard deviation, as `noise` of the plant. Default: the rig file's."
+        ),
     ] = None,
     latency: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="From a sample to the command's leaving.")
+        float, typer.Option(metavar="S", min=0.0, max=10.0, help="From a sample to the command's leaving.")
     ] = 0.0,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of noise, defects and signal. Default: the rig file's.")
+        int | None,
+        typer.Option(min=0, max=MOST_SEED, help="Of noise, defects and signal. Default: the rig file's."),
     ] = None,
 ) -> None:
     """Write a recording of the simulated rig, and show the truth that is in it."""
+    from seod.simulate.options import Options, excitation_named, read_band, read_effects  # noqa: PLC0415
     from seod.simulate.record import record  # noqa: PLC0415 - numerics, and a compiler
-    from seod.simulate.wishes import Wishes, excitation_named, read_band, read_effects  # noqa: PLC0415
 
     with plain_errors():
         config = load(path)
         try:
-            wishes = Wishes(
+            options = Options(
                 excitation=excitation_named(excitation),
                 effects=read_effects(effect or []),
                 amplitude=amplitude,
@@ -88,6 +117,6 @@ def simulate(
                 latency=latency,
                 seed=seed,
             )
-            show(json.dumps(record(config, axis, wishes, out)))
-        except (ValueError, OSError) as error:
+            show(json.dumps(record(config, axis, options, out)))
+        except ValueError as error:
             raise CommandError(str(error)) from error

@@ -15,11 +15,11 @@ class CalibratedValue(Section):
     """A measured value, in SI."""
 
     value: Number
-    """What was measured."""
+    """What was measured [SI unit of what it is: see the key that holds it]."""
     sd: Annotated[float, NON_NEGATIVE]
-    """Its standard deviation."""
+    """Its standard deviation [as the value]."""
     interval: tuple[Number, Number]
-    """Its 95 % interval."""
+    """Its 95 % interval [as the value]."""
 
 
 class CalibratedEdge(Section):

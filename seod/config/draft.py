@@ -50,7 +50,11 @@ class Draft:
 
     def names(self, section: str) -> list[str]:
         """Names in `sensors`, `outputs` or `axes`, valid or not."""
-        value = self.raw(section)
+        return self.keys(section)
+
+    def keys(self, *path: str | int) -> list[str]:
+        """Keys of the mapping at a path, valid or not; none where there is no mapping."""
+        value = self.raw(*path)
         return list(value) if isinstance(value, dict) else []
 
     def text(self, *path: str | int) -> str | None:

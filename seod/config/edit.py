@@ -16,6 +16,7 @@ from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.resolver import VersionedResolver
 
 from seod.config.load import load_text
+from seod.files.user_files import create_recording, named
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -123,11 +124,12 @@ def replace_file(path: Path, text: str) -> Path:
     backup = backup_path(path)
     descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+        with named(path), os.fdopen(descriptor, "w", encoding="utf-8") as stream:
             stream.write(text)
             stream.flush()
             os.fsync(stream.fileno())
         shutil.copymode(path, name)
+        os.close(create_recording(backup))  # it may hold tokens: open to nobody until it has the file's mode
         shutil.copy2(path, backup)
         Path(name).replace(path)
     except OSError:

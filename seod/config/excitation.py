@@ -17,7 +17,7 @@ class TwoPhaseConfig(Section):
     cycles: Annotated[int, Field(ge=2, le=20)] = 3
     """Cycles of each phase: as they are, then with each switch late."""
     shift: Annotated[float, Field(ge=0.03, le=0.4, allow_inf_nan=False)] = 0.25
-    """Longest lateness, in periods of the first phase; less where the limits ask for less."""
+    """Longest lateness [periods of the first phase]; less where the limits ask for less."""
 
 
 class ExcitationConfig(Section):

@@ -7,8 +7,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from seod.config.section import FINITE, NON_NEGATIVE, POSITIVE, Section, quantity
+from seod.config.section import FINITE, NON_NEGATIVE, POSITIVE, NonNegativeGain, Section, quantity
+from seod.config.units import GAINS
 
+PositiveGain = Annotated[float, *quantity(*GAINS), POSITIVE]
 Pressure = Annotated[float, *quantity("pressure"), NON_NEGATIVE]
 
 
@@ -17,8 +19,8 @@ class GainTable(Section):
 
     ps: Annotated[list[Pressure], Field(min_length=2)]
     """Supply pressures, ascending."""
-    K_L: Annotated[list[Annotated[float, POSITIVE]], Field(min_length=2)]
-    """The gain at each [SI unit of the position per second and volt]."""
+    K_L: Annotated[list[PositiveGain], Field(min_length=2)]
+    """The gain at each."""
 
     @model_validator(mode="after")
     def _pairs(self) -> Self:
@@ -36,11 +38,11 @@ class GainModel(Section):
     table: GainTable | None = None
     """Measured points."""
     polynomial: Annotated[list[Annotated[float, FINITE]], Field(min_length=1, max_length=6)] | None = None
-    """c0 + c1 ps + c2 ps^2 + ..., ps in Pa (Eq. 9: 4.25, 2.72e-6, -0.134e-12)."""
+    """c0 + c1 ps + c2 ps^2 + ... [SI unit/s/V], ps in Pa (Eq. 9: 4.25, 2.72e-6, -0.134e-12)."""
     range: tuple[Pressure, Pressure] | None = None
     """Pressures for which the polynomial holds; beyond them its value at the nearer end counts."""
-    identified: Annotated[float, NON_NEGATIVE] | None = None
-    """To be found by two-phase excitation; until then this first guess, 0 for limits.speed / relay.e_a."""
+    identified: NonNegativeGain | None = None
+    """To be found by two-phase excitation; until then this guess; 0: limits.speed / relay.e_a."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -68,7 +70,7 @@ _Word = Annotated[
     GainModel, BeforeValidator(lambda _: {IDENTIFIED: 0.0}), WithJsonSchema({"const": IDENTIFIED})
 ]
 Gain = Annotated[
-    Annotated[float, POSITIVE, Tag("number")]
+    Annotated[PositiveGain, Tag("number")]
     | Annotated[GainModel, Tag("model")]
     | Annotated[_Word, Tag("word")],
     Discriminator(_form),

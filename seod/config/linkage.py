@@ -19,9 +19,9 @@ class TableConfig(Section):
     """Stroke and angle at some points of a linkage; between them a curve that never turns back."""
 
     stroke: Annotated[list[Annotated[float, FINITE]], Field(min_length=2)]
-    """Ascending, in the sensor's unit."""
+    """Ascending strokes [the sensor's unit]."""
     angle: Annotated[list[Annotated[float, FINITE]], Field(min_length=2)]
-    """Rising or falling throughout, in the linkage's unit."""
+    """Angles, rising or falling throughout [the linkage's unit]."""
     interpolation: Literal["linear", "cubic"] = "cubic"
     """`cubic`: smooth, and monotone as the table is."""
 

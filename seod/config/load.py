@@ -16,15 +16,18 @@ from seod.config.errors import ConfigError, ConfigErrors, dotted, suggest
 from seod.config.model import CONFIG_VERSION, RigConfig
 from seod.config.modes import check_modes
 from seod.config.numbers import check_numbers
+from seod.config.tokens import CREDENTIALS, RIGHTS
 from seod.config.translate import show, translate
 from seod.config.wiring import check_wiring
 from seod.config.yaml_lines import parse
+from seod.files.user_files import irregular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from os import PathLike
 
     from drivers.base import Driver
+    from seod.config.model import ServerConfig
 
 __all__ = ["ConfigError", "ConfigErrors", "load_rig", "load_text"]
 
@@ -56,6 +59,8 @@ class _UnreadableError(Exception):
 
 
 def _read(file: Path) -> str:
+    if why := irregular(file):
+        raise _UnreadableError(why)
     try:
         with file.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -181,8 +186,22 @@ def _finished(draft: Draft) -> RigConfig:
     # Only what was given: a default that is written out may mean more than one that is left out.
     driver = cast("BaseModel", draft.options).model_dump(mode="json", exclude_unset=True)
     changed: dict[str, object] = {"driver": driver}
-    if config.server.tls is not None:
-        tls = config.server.tls
-        paths = {key: str(draft.directory / getattr(tls, key)) for key in ("certificate", "key")}
-        changed["server"] = config.server.model_copy(update={"tls": tls.model_copy(update=paths)})
+    changed["server"] = _with_paths(config.server, draft.directory)
     return config.model_copy(update=changed)
+
+
+def _with_paths(server: ServerConfig, directory: Path) -> ServerConfig:
+    """With absolute paths; credentials stay as they are, for only their unit has them."""
+
+    def absolute(section: BaseModel, *keys: str) -> dict[str, object]:
+        given = {key: getattr(section, key) for key in keys}
+        return {
+            key: name if name.startswith(CREDENTIALS) else str(directory / name)
+            for key, name in given.items()
+            if name is not None
+        }
+
+    paths = absolute(server, *(f"{right}_file" for right in RIGHTS))
+    if server.tls is not None:
+        paths["tls"] = server.tls.model_copy(update=absolute(server.tls, "certificate", "key"))
+    return server.model_copy(update=paths) if paths else server

@@ -6,38 +6,41 @@ A model sees only its own section. What concerns several (references, dimensions
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from seod.config.calibration import CalibrationConfig
 from seod.config.excitation import ExcitationConfig
 from seod.config.gain import Gain, GainModel
+from seod.config.gain_in_force import gain_range, is_identified
 from seod.config.section import (
     FINITE,
     POSITIVE,
-    Deviation,
+    Command,
+    GainDeviation,
     Hertz,
     Measured,
     Name,
     NonNegativePosition,
     NonNegativeSeconds,
     PositiveAcceleration,
+    PositiveCommand,
     PositiveMeasured,
     PositivePosition,
     PositiveSpeed,
-    PositiveVoltage,
     Scale,
     Seconds,
     SecondsDeviation,
     Section,
     Slew,
     Speed,
-    Voltage,
     quantity,
 )
 from seod.config.sensors import SensorConfig
-from seod.gain import gain_range, is_identified
+from seod.config.token_field import Token
+from seod.config.units import BASE, RATES, UNITS
+from seod.files.user_files import BUS_LOG_ENDINGS
 from sim.config import SimulationConfig
 
 CONFIG_VERSION = 1
@@ -58,27 +61,54 @@ class LoopConfig(Section):
     """The supervisor writes neutral and fences the loop when no tick came for this long."""
 
 
-class OutputConfig(Section):
-    """A command voltage made into a channel's number: raw = V * scale + offset."""
+class EnableConfig(Section):
+    """A signal without which the amplifier does not obey: `on` while an axis moves."""
 
     channel: str
     """Output channel of the driver."""
-    unit: Literal["V", "mV"] = "V"
-    """Unit in which `scale` takes the voltage."""
+    on: Annotated[float, FINITE] = 1.0
+    """Channel's number [its own unit] from start to standstill."""
+    off: Annotated[float, FINITE] = 0.0
+    """Channel's number [likewise] otherwise: standing, after a fault, at the end, when the loop is dead."""
+    drop_on_fault: bool = True
+    """False: `on` all the time, for an amplifier that is safe only while it holds its valve at neutral."""
+
+    @property
+    def neutral(self) -> float:
+        """Channel's number in a neutral command."""
+        return self.off if self.drop_on_fault else self.on
+
+    @model_validator(mode="after")
+    def _two_numbers(self) -> Self:
+        if self.on == self.off:
+            raise ValueError(f"on and off are both {self.on:g}: they must differ")
+        return self
+
+
+class OutputConfig(Section):
+    """The command of an axis, a voltage or a current, as a channel's number: raw = u * scale + offset."""
+
+    channel: str
+    """Output channel of the driver."""
+    unit: Literal["V", "mV", "A", "mA"] = "V"
+    """Unit in which `scale` takes the command; with A or mA the axis is commanded by a current."""
     scale: Scale = 1.0
-    """Channel's number per `unit`; negative for an actuator wired the other way round."""
+    """Channel's number per `unit` [channel's unit / `unit`]; negative if wired the other way round."""
     offset: Annotated[float, FINITE] = 0.0
-    """Channel's number at 0 V."""
+    """Channel's number at a command of 0 [channel's unit]."""
+    enable: EnableConfig | None = None
+    fixed: dict[str, Annotated[float, FINITE]] = Field(default_factory=dict)
+    """Output channels with one number [the channel's unit] in every command, neutral too: modes, keys."""
 
 
 class RelayConfig(Section):
     """The relay of Fig. 2, or of Fig. 6b."""
 
-    e_a: PositiveVoltage
+    e_a: PositiveCommand
     """Amplitude of the relay."""
     hysteresis: NonNegativePosition = 0.0
     """Half-width: switches at e = +hysteresis and -hysteresis."""
-    bias: Voltage = 0.0
+    bias: Command = 0.0
     """Added behind the relay, against a valve null shift."""
 
 
@@ -87,7 +117,7 @@ class HoldConfig(Section):
 
     bandwidth: Annotated[float, *quantity("angular speed"), POSITIVE] = 5.0
     """K_L times the proportional gain [rad/s]."""
-    output: PositiveVoltage | None = None
+    output: PositiveCommand | None = None
     """Limit of its output; e_a where left out."""
     tolerance: PositiveMeasured | None = None
     """Within this of the start the hold ends; where left out, a tenth of limits.amplitude.
@@ -103,10 +133,10 @@ class PolarityConfig(Section):
 
     enabled: bool = True
     """Only a rig that cannot be hurt should do without."""
-    pulse: PositiveVoltage | None = None
+    pulse: PositiveCommand | None = None
     """Height; e_a where left out."""
-    duration: Seconds = 0.05
-    """Longest pulse; it ends early once the movement is seen."""
+    duration: Seconds | None = None
+    """Longest pulse; it ends early once the movement is seen. Left out: 50 ms, but at least ten samples."""
     movement: PositiveMeasured
     """Movement (in velocity mode: speed) that counts as seen; must be well above the sensor's noise."""
 
@@ -114,10 +144,10 @@ class PolarityConfig(Section):
 class LimitsConfig(Section):
     """What must never be passed. Output and slew clip; the others fault."""
 
-    output: PositiveVoltage
-    """Largest voltage, either way."""
+    output: PositiveCommand
+    """Largest command, either way."""
     slew: Slew | None = None
-    """Fastest change of the voltage."""
+    """Fastest change of the command."""
     travel: tuple[Measured, Measured]
     """Lowest and highest position; in velocity mode, lowest and highest speed."""
     speed: PositiveSpeed | None = None
@@ -128,15 +158,26 @@ class LimitsConfig(Section):
     In velocity mode that of the relay's input, the integral of the speed's error.
     """
     growth: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.0
-    """Largest growth of the limit cycle within a second or a few periods, once it is at its amplitude."""
+    """Largest growth [1] of the limit cycle within a second or a few periods, once it is at its amplitude."""
     excitation: Seconds
     """Longest excitation from start to stop; then stopped, not faulted."""
+    K_L: tuple[Annotated[float, POSITIVE], Annotated[float, POSITIVE]] | None = None
+    """Smallest and largest K_L that a client may set [axis unit/s/V]; left out: a tenth and ten times K_L.
+
+    Where K_L is identified, a thousandth and a thousand times the first guess.
+    """
+    e_a: PositiveCommand | None = None
+    """Smallest e_a that a client may set; where left out, 1/10000 of `output`. The largest is `output`."""
+
+
+Method = Literal["wave", "exact", "peaks"]
+METHODS = get_args(Method)
 
 
 class EstimatorConfig(Section):
     """How zeta and omega_n are made of the limit cycle."""
 
-    method: Literal["wave", "exact", "peaks"] = "wave"
+    method: Method = "wave"
     """`wave`: maximum likelihood. `exact`: through the exact limit cycle. `peaks`: the paper's procedure."""
     cycles: Annotated[int, Field(ge=1, le=50)] = 4
     """Cycles that must agree, and that are averaged over; `wave` takes fewer where they differ."""
@@ -144,10 +185,10 @@ class EstimatorConfig(Section):
     """Cut-off of the low-pass of section 2.3(2), used by `peaks`."""
     delay: NonNegativeSeconds = 0.0
     """Known delay between a command's leaving and the valve's input, and of the sensor."""
-    K_L_sd: Deviation | None = None
-    """Standard deviation of K_L as it is known, [as K_L], or `unknown`; left out: that of `calibration`."""
+    K_L_sd: GainDeviation | None = None
+    """Standard deviation of K_L as it is known, or `unknown`; left out: that of `calibration`."""
     delay_sd: SecondsDeviation | None = None
-    """Likewise of `delay`. Neither there nor here: the value is taken as certain."""
+    """Likewise of `delay`. Neither there nor here: what the driver cannot know, mostly two periods."""
 
 
 class AxisConfig(Section):
@@ -160,7 +201,7 @@ class AxisConfig(Section):
     output: str
     """Name of its output under `outputs`."""
     K_L: Gain
-    """Gain [SI unit of the position per second and volt]: a number, or else as in `seod.config.gain`."""
+    """Gain from command to speed: a number, such as `50 mm/s/V`, or else as in `seod.config.gain`."""
     supply_pressure: str | None = None
     """Name of a sensor of pressure under `sensors`."""
     temperature: str | None = None
@@ -181,6 +222,26 @@ class AxisConfig(Section):
     estimator: EstimatorConfig = EstimatorConfig()
     calibration: CalibrationConfig | None = None
     """Written by `seod calibrate`."""
+
+    _speed: str = PrivateAttr("rad/s")
+    _command: str = PrivateAttr("V")
+
+    @property
+    def command_unit(self) -> str:
+        """SI unit of its command: V or A."""
+        return self._command
+
+    @property
+    def gain_unit(self) -> str:
+        """SI unit of K_L."""
+        return f"{self._speed}/{self._command}"
+
+    @property
+    def setting_units(self) -> dict[str, str]:
+        """SI units of its settings, by their names."""
+        command, position = self.command_unit, self._speed.removesuffix("/s")
+        own = {"e_a": command, "bias": command, "hysteresis": position, "K_L": self.gain_unit}
+        return own | ({"reference": self._speed} if self.mode == "velocity" else {})
 
     @property
     def two_phase(self) -> bool:
@@ -207,7 +268,13 @@ class EstopConfig(Section):
     channel: str
     """Input channel of the driver."""
     run: Annotated[float, FINITE] = 1.0
-    """Value that allows movement; any other value, or silence, is an e-stop."""
+    """Number [the channel's unit] that allows movement; any other, or silence, is an e-stop."""
+
+
+EstopLines = Annotated[
+    Annotated[EstopConfig, Tag("one")] | Annotated[list[EstopConfig], Tag("many"), Field(min_length=1)],
+    Discriminator(lambda value: "many" if isinstance(value, list) else "one"),
+]
 
 
 class OverrunConfig(Section):
@@ -237,9 +304,25 @@ class GuardConfig(Section):
     The last line of defence, when the whole computer dies. The daemon cannot see it: measure it on the rig.
     """
     overruns: OverrunConfig = OverrunConfig()
-    estop: EstopConfig | None = None
+    estop: EstopLines | None = None
+    """One channel or a list; any of them stops the rig."""
+    foreign_command: Literal["fault", "warn"] = "fault"
+    """When somebody else commands our actuators: a fault, or a warning and estimates of quality `fault`."""
     dead_man: Seconds | None = None
-    """A client must call `keepalive` at least this often while a rig is excited."""
+    """A client must call `keepalive` at least this often while a rig is excited, and stay connected."""
+    gateway_lost: Literal["stop", "hold"] = "stop"
+    """When the gateway process dies or hangs: `stop` is a fault, `hold` ends the excitation as `stop` does.
+
+    With `hold` an axis goes back to where it stood at start, for loads that sink at neutral.
+    """
+    gateway_timeout: Seconds = 1.0
+    """The gateway hangs if it has not turned for this long; it is killed then, and started again."""
+
+    @property
+    def estops(self) -> list[EstopConfig]:
+        """All e-stop lines."""
+        lines = self.estop
+        return [] if lines is None else lines if isinstance(lines, list) else [lines]
 
 
 class OrderConfig(Section):
@@ -252,7 +335,7 @@ class OrderConfig(Section):
 
 
 class TlsConfig(Section):
-    """Certificate and key in PEM files; relative to the rig file."""
+    """Certificate and key in PEM files; relative to the rig file, or $CREDENTIALS_DIRECTORY/NAME."""
 
     certificate: str
     """Certificate chain, the server's own first."""
@@ -268,22 +351,33 @@ class ServerConfig(Section):
     port: Annotated[int, Field(ge=0, le=65535)] = 7600
     """TCP port; 0 takes a free one."""
     tls: TlsConfig | None = None
-    read_token: Annotated[str, Field(min_length=16)] | None = None
-    """Who has it may read."""
-    command_token: Annotated[str, Field(min_length=16)] | None = None
-    """Who has it may read and command."""
+    read_token: Token | None = None
+    """Who has it may read. Better in a file, or in the environment as SEOD_READ_TOKEN."""
+    command_token: Token | None = None
+    """Who has it may read and command. Better in a file, or in the environment as SEOD_COMMAND_TOKEN."""
+    read_token_file: Annotated[str, Field(min_length=1)] | None = None
+    """File that holds the read_token; relative to the rig file, or $CREDENTIALS_DIRECTORY/NAME."""
+    command_token_file: Annotated[str, Field(min_length=1)] | None = None
+    """File that holds the command_token; relative to the rig file, or $CREDENTIALS_DIRECTORY/NAME."""
     max_clients: Annotated[int, Field(ge=1, le=1000)] = 100
     """Connections at a time."""
+
+
+def _bus_log(name: str) -> str:
+    if not name.lower().endswith(BUS_LOG_ENDINGS):
+        *most, last = BUS_LOG_ENDINGS
+        raise ValueError(f"must end in {', '.join(most)} or {last}")
+    return name
 
 
 class RecordConfig(Section):
     """Recordings that `seod run --record FILE` makes."""
 
     max_megabytes: Annotated[float, POSITIVE] | None = 1000.0
-    """An MCAP file that has reached this size is ended and the next one begun; null for never."""
+    """An MCAP file that has reached this size [MB] is ended and the next one begun; null for never."""
     max_time: Seconds | None = 3600.0
     """Likewise after this time."""
-    bus_log: Annotated[str, Field(min_length=1)] | None = None
+    bus_log: Annotated[str, AfterValidator(_bus_log)] | None = None
     """Raw frames of the CAN bus into this file, in the format of its suffix: .blf, .asc, .log, .mf4."""
 
 
@@ -298,11 +392,25 @@ class RigConfig(Section):
     """`kind` and that driver's own options (checked by the driver's model)."""
     loop: LoopConfig = LoopConfig()
     sensors: dict[Name, SensorConfig] = Field(min_length=1)
+    """Sensors by name: each makes a channel's number a physical quantity."""
     outputs: dict[Name, OutputConfig] = Field(min_length=1)
+    """Outputs by name: each makes the command of one axis a channel's number."""
     axes: dict[Name, AxisConfig] = Field(min_length=1)
+    """Axes by name: each an actuator with its sensor and output."""
     excitation: OrderConfig = OrderConfig()
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
     record: RecordConfig = RecordConfig()
     simulation: SimulationConfig | None = None
     """Present only for simulated rigs: the truth that `seod rig` and the virtual driver simulate."""
+
+    @model_validator(mode="after")
+    def _units(self) -> Self:
+        """Each axis knows in which units it moves and is commanded."""
+        for axis in self.axes.values():
+            if axis.sensor in self.sensors:
+                speed = RATES.get(self.sensors[axis.sensor].dimension, self.sensors[axis.sensor].dimension)
+                axis._speed = BASE.get(speed, axis._speed)
+            if axis.output in self.outputs:
+                axis._command = BASE[UNITS[self.outputs[axis.output].unit][0]]
+        return self

@@ -9,10 +9,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from seod.config.errors import suggest
 from seod.config.gain import Gain, GainModel
+from seod.config.gain_in_force import gain_range, is_identified, needs_pressure
 from seod.config.model import LimitsConfig, RelayConfig
-from seod.config.units import dimension_of, parse_quantity, units_of
-from seod.config.wiring import sensor_dimension
-from seod.gain import gain_range, is_identified, needs_pressure
+from seod.config.units import COMMANDS, GAINS, RATES, UNITS, dimension_of, parse_quantity, per, units_of
+from seod.config.wiring import command_unit, sensor_dimension
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from seod.config.draft import Draft
     from seod.config.errors import ConfigError, KeyPath
 
-POSITIONS = {"angular speed": "angle", "speed": "length"}
-RATES = {position: rate for rate, position in POSITIONS.items()}
+POSITIONS = {rate: position for position, rate in RATES.items()}
 ACCELERATIONS = {"angular speed": "angular acceleration", "speed": "acceleration"}
 DIMENSIONS = (*POSITIONS, *RATES, *ACCELERATIONS.values())
 
@@ -34,6 +33,14 @@ MEASURED_KEYS: tuple[KeyPath, ...] = (
 """Quantities of an axis that are what its sensor measures: positions, or speeds in velocity mode."""
 POSITION_KEYS: tuple[KeyPath, ...] = (("relay", "hysteresis"), ("limits", "amplitude"))
 """Quantities of the relay's input: always positions, in velocity mode the integral of the speed's error."""
+COMMAND_KEYS: tuple[KeyPath, ...] = (
+    ("relay", "e_a"),
+    ("relay", "bias"),
+    ("hold", "output"),
+    ("polarity", "pulse"),
+    ("limits", "output"),
+)
+"""Quantities of an axis that are what its amplifier is told."""
 VELOCITY_KEYS = ("reference", "ramp", "trim")
 
 _GAIN: TypeAdapter[float | GainModel] = TypeAdapter(Gain)
@@ -43,6 +50,7 @@ def check_modes(draft: Draft) -> Iterator[ConfigError]:
     """All mistakes in what the axes control."""
     for axis in draft.names("axes"):
         yield from _sensor(draft, axis)
+        yield from _command(draft, axis)
         yield from _conditions(draft, axis)
         yield from _keys(draft, axis)
         yield from _identified(draft, axis)
@@ -79,6 +87,39 @@ def _sensor(draft: Draft, axis: str) -> Iterator[ConfigError]:
         if written in DIMENSIONS and written != fits:
             message = f"sensor {sensor!r} measures {dimension}: must be in {', '.join(units_of(fits))}"
             yield draft.wrong(("axes", axis, *key), message)
+
+
+def _command(draft: Draft, axis: str) -> Iterator[ConfigError]:
+    """What is written in volts or amperes is what the output takes; K_L is a speed of the sensor per that."""
+    output, sensor = draft.text("axes", axis, "output") or "", sensor_dimension(draft, axis)
+    unit = draft.text("outputs", output, "unit") or "V"
+    command = UNITS[unit][0] if unit in UNITS else ""
+    if command not in COMMANDS or sensor is None:
+        return
+    what = f"output {output!r} is in {unit}"
+    right = dict.fromkeys(COMMAND_KEYS, command) | {("limits", "slew"): COMMANDS[command]}
+    for key, fits in right.items():
+        written = dimension_of(draft.raw("axes", axis, *key))
+        if written in (*COMMANDS, *COMMANDS.values()) and written != fits:
+            yield draft.wrong(("axes", axis, *key), f"{what}: must be in {', '.join(units_of(fits))}")
+    fits = per(RATES.get(sensor, sensor), command)
+    for path in gain_places(draft, axis):
+        written = dimension_of(draft.raw(*path))
+        if written in GAINS and written != fits:
+            moves = f"{what} and the sensor measures {sensor}"
+            yield draft.wrong(path, f"{moves}: must be in {', '.join(units_of(fits))}")
+
+
+def gain_places(draft: Draft, axis: str) -> Iterator[KeyPath]:
+    """Where gains of an axis are written."""
+    here = ("axes", axis, "K_L")
+    yield here
+    yield (*here, "identified")
+    yield ("axes", axis, "estimator", "K_L_sd")
+    points = draft.raw(*here, "table", "K_L")
+    yield from (
+        (*here, "table", "K_L", place) for place in range(len(points) if isinstance(points, list) else 0)
+    )
 
 
 def _conditions(draft: Draft, axis: str) -> Iterator[ConfigError]:
@@ -154,9 +195,11 @@ def _reference(draft: Draft, axis: str) -> Iterator[ConfigError]:
         yield draft.error(("axes", axis, "K_L"), message, "a first guess: `K_L: {identified: 17}`")
         return
     volts = abs(reference) / gain_range(K_L)[0] + abs(relay.bias) + relay.e_a
+    unit = command_unit(draft, axis)
     if volts > limits.output:
         message = (
-            f"needs {volts:g} V (|reference| / K_L + |bias| + e_a), limits.output is {limits.output:g} V"
+            f"needs {volts:g} {unit} (|reference| / K_L + |bias| + e_a), "
+            f"limits.output is {limits.output:g} {unit}"
         )
         yield draft.wrong(path, message)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from seod.config.ages import PULSE_SAMPLES
 from seod.config.excitation import ExcitationConfig
+from seod.config.linkage_angle import make_linkage
 from seod.config.model import (
     EstimatorConfig,
     GuardConfig,
@@ -23,7 +25,7 @@ from seod.config.sensors import (
     LinearScaleConfig,
 )
 from seod.config.units import UNITS, parse_quantity, to_si
-from seod.linkage import make_linkage
+from seod.config.wiring import command_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,16 +56,16 @@ def _voltages(draft: Draft, axis: str) -> Iterator[ConfigError]:
     polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
     if limits is None or relay is None:
         return
-    most, bias = limits.output, abs(relay.bias)
+    most, bias, unit = limits.output, abs(relay.bias), command_unit(draft, axis)
     if relay.e_a + bias > most:
-        message = f"e_a + |bias| = {relay.e_a + bias:g} V is above limits.output = {most:g} V"
-        right = f"e_a of at most {max(most - bias, 0):g} V"
+        message = f"e_a + |bias| = {relay.e_a + bias:g} {unit} is above limits.output = {most:g} {unit}"
+        right = f"e_a of at most {max(most - bias, 0):g} {unit}"
         yield draft.error(("axes", axis, "relay", "e_a"), message, right)
     if hold and hold.output and hold.output + bias > most:
-        message = f"with |bias| must be at most limits.output = {most:g} V"
+        message = f"with |bias| must be at most limits.output = {most:g} {unit}"
         yield draft.wrong(("axes", axis, "hold", "output"), message)
     if polarity and polarity.pulse and polarity.pulse + bias > most:
-        message = f"with |bias| must be at most limits.output = {most:g} V"
+        message = f"with |bias| must be at most limits.output = {most:g} {unit}"
         yield draft.wrong(("axes", axis, "polarity", "pulse"), message)
 
 
@@ -77,8 +79,10 @@ def _movements(draft: Draft, axis: str) -> Iterator[ConfigError]:
         return
     velocity = draft.text("axes", axis, "mode") == "velocity"
     low, high = limits.travel
+    message = "the lower end must come first and lie below the upper end"
+    if limits.K_L is not None and limits.K_L[0] >= limits.K_L[1]:
+        yield draft.wrong(("axes", axis, "limits", "K_L"), message)
     if low >= high:
-        message = "the lower end must come first and lie below the upper end"
         yield draft.wrong(("axes", axis, "limits", "travel"), message)
     elif limits.amplitude > 0.5 * (high - low) and not velocity:
         message = f"must be at most half of limits.travel, {0.5 * (high - low):g}: it could never be reached"
@@ -119,8 +123,11 @@ def _cutoffs(draft: Draft, axis: str) -> Iterator[ConfigError]:
         message = f"must be below half the loop rate, {half:g} Hz"
         yield draft.wrong(("axes", axis, "estimator", "lowpass"), message)
     polarity = draft.section(PolarityConfig, "axes", axis, "polarity")
-    if polarity and polarity.duration < 2 / loop.rate_hz:
-        message = f"must be at least two periods of the loop, {2 / loop.rate_hz:g} s"
+    if polarity and polarity.duration and polarity.duration < PULSE_SAMPLES / loop.rate_hz:
+        least = f"{PULSE_SAMPLES / loop.rate_hz:g} s"
+        message = (
+            f"must be at least {PULSE_SAMPLES} periods of the loop, {least}, to be seen in as many samples"
+        )
         yield draft.wrong(("axes", axis, "polarity", "duration"), message)
     if _frequency(draft, ("axes", axis, "filter")) >= half:
         yield draft.wrong(("axes", axis, "filter"), f"must be below half the loop rate, {half:g} Hz")

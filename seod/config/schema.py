@@ -7,20 +7,22 @@ from typing import Any
 
 from drivers import TABLE, driver_class
 from seod.config.model import RigConfig
-from seod.paths import configs_dir
+from seod.config.schema_words import described
+from seod.files.shipped import configs_dir
 
 FILE_NAME = "seod-rig.schema.json"
 
 
 def rig_schema() -> dict[str, Any]:
-    """The schema, with the options of all built-in drivers."""
+    """The schema, with the options of all built-in drivers; each key tells meaning, unit, range, default."""
     schema = RigConfig.model_json_schema()
     options = [_driver_schema(kind) for kind in sorted(TABLE)]
     for option in options:
         schema["$defs"].update(option.pop("$defs", {}))
-    described = schema["properties"]["driver"].get("description", "")
-    schema["properties"]["driver"] = {"oneOf": options, "description": described}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "seod rig file", **schema}
+    about = schema["properties"]["driver"].get("description", "")
+    schema["properties"]["driver"] = {"oneOf": options, "description": about}
+    top = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "seod rig file", **schema}
+    return described(top)
 
 
 def _driver_schema(kind: str) -> dict[str, Any]:

@@ -4,14 +4,35 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetJsonSchemaHandler,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from seod.config.linkage import LinkageConfig
 from seod.config.section import FINITE, NonNegativeSeconds, Scale, Section, Unit, of_dimension
-from seod.config.units import UNITS
+from seod.config.units import UNITS, units_of
 
 Span = tuple[Annotated[float, FINITE], Annotated[float, FINITE]]
 """Lowest and highest number of a channel."""
+
+
+class ValidConfig(Section):
+    """A channel that tells whether the readings of a sensor are valid; one that is not counts as not come."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    channel: str
+    """Input channel of the driver."""
+    is_: Annotated[float, FINITE] = Field(1.0, alias="is")
+    """Number [the channel's unit] at which readings are valid."""
 
 
 class SensorSection(Section):
@@ -25,16 +46,25 @@ class SensorSection(Section):
     unit: Unit
     """Unit of the value; converted to SI inside."""
     range: Span | None = None
-    """The channel's numbers that a sound sensor can give; beyond (a broken wire) the guard stops the rig."""
+    """Numbers [channel's unit] that a sound sensor can give; beyond (a broken wire) the guard stops."""
     saturation: Span | None = None
-    """The channel's numbers at which the sensor clips; an estimate from such samples is called saturated."""
+    """Numbers [channel's unit] at which the sensor clips; an estimate from such samples is saturated."""
     lag: NonNegativeSeconds = 0.0
     """Time constant of the sensor's own first-order low-pass, which the estimators account for."""
+    valid: ValidConfig | None = None
 
     @property
     def dimension(self) -> str:
         """Of the value that the axis sees."""
         return UNITS[self.unit][0]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """As pydantic has it, with the units of this kind alone."""
+        schema = handler.resolve_ref_schema(handler(core))
+        if cls.DIMENSIONS:
+            schema["properties"]["unit"]["enum"] = units_of(*cls.DIMENSIONS)
+        return schema
 
     @field_validator("unit")
     @classmethod
@@ -60,9 +90,9 @@ class ScaledConfig(SensorSection):
     """value = (raw * scale + offset) in `unit`."""
 
     scale: Scale = 1.0
-    """`unit` per unit of the channel."""
+    """What one of the channel's unit is [`unit` / channel's unit]."""
     offset: Annotated[float, FINITE] = 0.0
-    """In `unit`."""
+    """Value at the channel's number 0 [`unit`]."""
 
 
 class LinearConfig(ScaledConfig):
@@ -91,7 +121,7 @@ class FvConverterConfig(SensorSection):
     DIMENSIONS = ("angular speed", "speed")
     kind: Literal["fv_converter"]
     scale: Scale
-    """`unit` per volt; negative where the voltage falls with the speed."""
+    """Speed per voltage [`unit`/V]; negative where the voltage falls with the speed."""
     offset_v: Annotated[float, FINITE] = 0.0
     """Voltage at standstill [V]."""
 
@@ -114,11 +144,11 @@ class IncrementalEncoderConfig(SensorSection):
     bits: Annotated[int, Field(ge=2, le=48)]
     """Width of the counter; it may be read with or without a sign."""
     counts_per_rev: Scale | None = None
-    """Counts per turn (all edges counted); negative where the counter falls as the angle rises."""
+    """Counts per turn [1/rev], all edges counted; negative where the counter falls as the angle rises."""
     counts_per_unit: Scale | None = None
-    """Counts per `unit`, likewise."""
+    """Counts per unit [1/`unit`], likewise."""
     offset: Annotated[float, FINITE] = 0.0
-    """Position at count 0, or at the index mark, in `unit`."""
+    """Position at count 0, or at the index mark [`unit`]."""
     largest_step: Annotated[int, Field(ge=1)] | None = None
     """More counts than that between two samples are no movement: the guard stops the rig.
 
@@ -151,9 +181,9 @@ class AbsoluteEncoderConfig(SensorSection):
     bits: Annotated[int, Field(ge=2, le=32)]
     """Width of its number."""
     counts_per_rev: Scale | None = None
-    """Counts per turn; 2 to the power of bits where left out; negative where it counts the other way."""
+    """Counts per turn [1/rev], negative for the other way round; left out: 2 to the power of bits."""
     offset: Annotated[float, FINITE] = 0.0
-    """Position at count 0, in `unit`."""
+    """Position at count 0 [`unit`]."""
 
     @field_validator("counts_per_rev")
     @classmethod

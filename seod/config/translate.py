@@ -10,6 +10,8 @@ from pydantic import BaseModel, ValidationError
 from typing_extensions import is_typeddict
 
 from seod.config.errors import KeyPath, suggest
+from seod.config.token_field import FILL
+from seod.config.tokens import RIGHTS, SECRETS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
 SHOWN = 60
 """Longest value quoted in a message."""
 
-SECRETS = (("read_token",), ("command_token",))
-"""Ends of the paths whose values are not repeated."""
 
 _WORDING = {
     "missing": "has too few entries",
@@ -110,8 +110,16 @@ def _described(model: type[BaseModel], path: KeyPath, raw: Any) -> str:
 
 def show(value: Any) -> str:
     """A value as the user would write it, shortened."""
-    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    text = "nothing" if value is None else json.dumps(_without_tokens(value), ensure_ascii=False)
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+
+
+def _without_tokens(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_without_tokens(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    return {key: FILL if key in RIGHTS else _without_tokens(each) for key, each in value.items()}
 
 
 def at(raw: Any, path: KeyPath) -> Any:
@@ -151,7 +159,7 @@ def fields_at(model: type[BaseModel], path: KeyPath, raw: Any = None) -> Mapping
     if is_typeddict(annotation):
         return dict.fromkeys(get_type_hints(annotation))
     models = _of_kind(_models(annotation), at(raw, path))
-    return {name: field for found in models for name, field in found.model_fields.items()}
+    return {field.alias or name: field for found in models for name, field in found.model_fields.items()}
 
 
 def _of_kind(models: list[type[BaseModel]], value: Any) -> list[type[BaseModel]]:

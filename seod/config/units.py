@@ -6,7 +6,7 @@ import math
 import re
 from typing import Final
 
-UNITS: Final[dict[str, tuple[str, float]]] = {
+UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", 1.0),
     "mrad": ("angle", 1e-3),
     "deg": ("angle", math.pi / 180.0),
@@ -16,6 +16,8 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "um": ("length", 1e-6),
     "V": ("voltage", 1.0),
     "mV": ("voltage", 1e-3),
+    "A": ("current", 1.0),
+    "mA": ("current", 1e-3),
     "s": ("time", 1.0),
     "ms": ("time", 1e-3),
     "us": ("time", 1e-6),
@@ -37,9 +39,43 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "m/s/s": ("acceleration", 1.0),
     "mm/s/s": ("acceleration", 1e-3),
     "V/s": ("slew rate", 1.0),
+    "A/s": ("current slew rate", 1.0),
+    "mA/s": ("current slew rate", 1e-3),
     "": ("number", 1.0),
 }
 """Unit -> (dimension, factor to the SI base unit)."""
+
+COMMANDS: Final = {"voltage": "slew rate", "current": "current slew rate"}
+"""What an amplifier may be told -> the dimension of its change."""
+RATES: Final = {"angle": "angular speed", "length": "speed"}
+"""A position's dimension -> that of its speed."""
+SPEEDS: Final = tuple(RATES.values())
+
+
+def per(speed: str, command: str) -> str:
+    """Dimension of a gain from a command to a speed."""
+    return f"{speed} per {command}"
+
+
+UNITS |= {
+    f"{over}/{under}": (per(speed, command), factor / divisor)
+    for over, (speed, factor) in list(UNITS.items())
+    if speed in SPEEDS
+    for under, (command, divisor) in list(UNITS.items())
+    if command in COMMANDS
+}
+GAINS: Final = tuple(per(speed, command) for speed in SPEEDS for command in COMMANDS)
+"""Dimensions that K_L may have."""
+SETTINGS: Final[dict[str, tuple[str, ...]]] = {
+    "e_a": tuple(COMMANDS),
+    "bias": tuple(COMMANDS),
+    "hysteresis": tuple(RATES),
+    "reference": SPEEDS,
+    "K_L": GAINS,
+}
+"""Settings of an axis that a client may change, with their dimensions."""
+BASE: Final = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
+"""Dimension -> its SI unit."""
 
 ZEROS: Final[dict[str, float]] = {"degC": 273.15}
 """Units whose zero is not that of SI: their zero in the SI base unit."""
@@ -79,6 +115,15 @@ def parse_quantity(value: object, *dimensions: str) -> float:
 def to_si(value: float, unit: str) -> float:
     """`value` [unit] in the SI base unit."""
     return value * UNITS[unit][1] + ZEROS.get(unit, 0.0)
+
+
+def written_as(value: float, written: object) -> float | str:
+    """A value in SI in the unit of what stands there now, such as `12 mV` after `0 mV`; a number else."""
+    match = _QUANTITY.match(written) if isinstance(written, str) else None
+    if not match or match[2] not in UNITS or not match[2]:
+        return value
+    unit = match[2]
+    return f"{(value - ZEROS.get(unit, 0.0)) / UNITS[unit][1]:.6g} {unit}"
 
 
 def dimension_of(value: object) -> str | None:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from seod.config.errors import suggest
 from seod.config.model import LoopConfig, OutputConfig
 from seod.config.sensors import ScaledConfig
-from seod.config.units import UNITS
+from seod.config.signals import check_signals
+from seod.config.units import BASE, COMMANDS, UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +28,8 @@ def check_wiring(draft: Draft) -> Iterator[ConfigError]:
         yield from _references(draft, axis)
         yield from _plant(draft, axis)
         yield from _simulated_kind(draft, axis)
-    yield from _shared_outputs(draft)
+    yield from _unused_outputs(draft)
+    yield from check_signals(draft)
     yield from _simulated_channels(draft)
     yield from _pace(draft)
 
@@ -45,13 +47,26 @@ def _channels(draft: Draft) -> Iterator[ConfigError]:
     for sensor in draft.names("sensors"):
         yield from _channel(draft, ("sensors", sensor, "channel"), "input")
         yield from _channel(draft, ("sensors", sensor, "index", "channel"), "input")
+        yield from _channel(draft, ("sensors", sensor, "valid", "channel"), "input")
     for output in draft.names("outputs"):
         yield from _channel(draft, ("outputs", output, "channel"), "output")
-    yield from _channel(draft, ("guard", "estop", "channel"), "input")
+        yield from _channel(draft, ("outputs", output, "enable", "channel"), "output")
+        for name in draft.keys("outputs", output, "fixed"):
+            yield from named_channel(draft, ("outputs", output, "fixed", name), name, "output")
+    lines = draft.raw("guard", "estop")
+    places: list[KeyPath] = [("guard", "estop")]
+    if isinstance(lines, list):
+        places = [("guard", "estop", place) for place in range(len(lines))]
+    for path in places:
+        yield from _channel(draft, (*path, "channel"), "input")
 
 
 def _channel(draft: Draft, path: KeyPath, direction: str) -> Iterator[ConfigError]:
-    name = draft.text(*path)
+    yield from named_channel(draft, path, draft.text(*path), direction)
+
+
+def named_channel(draft: Draft, path: KeyPath, name: str | None, direction: str) -> Iterator[ConfigError]:
+    """The driver has the channel that is named at a path, and it goes the right way."""
     if name is None or draft.channels is None:
         return
     found = draft.channels.get(name)
@@ -95,18 +110,28 @@ def sensor_dimension(draft: Draft, axis: str) -> str | None:
     return UNITS[unit][0] if unit in UNITS else None
 
 
-def _shared_outputs(draft: Draft) -> Iterator[ConfigError]:
-    """Each output channel belongs to one axis."""
-    user: dict[str, str] = {}
-    for axis in draft.names("axes"):
-        output = draft.text("axes", axis, "output") or ""
-        channel = draft.text("outputs", output, "channel")
-        if channel is None:
-            continue
-        if channel in user:
-            message = f"channel {channel!r} is already driven by axis {user[channel]!r}"
-            yield draft.error(("axes", axis, "output"), message, "an output of its own for each axis")
-        user.setdefault(channel, axis)
+def command_unit(draft: Draft, axis: str) -> str:
+    """SI unit of what an axis is commanded by; V where that is not told rightly."""
+    unit = draft.text("outputs", draft.text("axes", axis, "output") or "", "unit") or "V"
+    dimension = UNITS[unit][0] if unit in UNITS else ""
+    return BASE[dimension] if dimension in COMMANDS else "V"
+
+
+def _unused_outputs(draft: Draft) -> Iterator[ConfigError]:
+    """An output that no axis uses would never be commanded."""
+    axes = draft.names("axes")
+    used = {draft.text("axes", axis, "output") for axis in axes}
+    if not axes or None in used:
+        return
+    for output in draft.names("outputs"):
+        if output not in used:
+            channel = draft.text("outputs", output, "channel") or "..."
+            right = (
+                f"a signal that enables an amplifier stands in the output of its axis, as "
+                f"`enable: {{channel: {channel}, on: 1, off: 0}}`; one that never changes as "
+                f"`fixed: {{{channel}: 1}}`"
+            )
+            yield draft.error(("outputs", output), "no axis uses this output: nothing would be sent", right)
 
 
 def _plant(draft: Draft, axis: str) -> Iterator[ConfigError]:
@@ -150,6 +175,9 @@ def _simulated_channels(draft: Draft) -> Iterator[ConfigError]:
     for name in simulation.plants:
         yield from _channel(draft, ("simulation", "plants", name, "input"), "output")
         yield from _channel(draft, ("simulation", "plants", name, "output"), "input")
+        for channel in draft.keys("simulation", "plants", name, "enabled_by"):
+            path = ("simulation", "plants", name, "enabled_by", channel)
+            yield from named_channel(draft, path, channel, "output")
         yield from _channel(draft, ("simulation", "plants", name, "sensor", "index", "channel"), "input")
     inputs = [c.name for c in (draft.channels or {}).values() if c.direction == "input"]
     for name in simulation.constants:

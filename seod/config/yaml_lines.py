@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
+from seod.config.tokens import SECRETS
+from seod.config.yaml_words import plain
+
 if TYPE_CHECKING:
     from seod.config.errors import KeyPath
 
@@ -67,6 +70,8 @@ class _Loader(yaml.SafeLoader):
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - pyyaml's own class attribute
     depth = 0
+    long_quote: tuple[int, int] | None = None
+    """First and last line, from 0, of the last quoted text that goes over several lines."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event = self.peek_event()  # type: ignore[no-untyped-call]  # left out of the stubs
@@ -76,6 +81,8 @@ class _Loader(yaml.SafeLoader):
             raise _Refused(problem=f"tags (!) {_REFUSED}", problem_mark=event.start_mark)
         if self.depth == MAX_DEPTH:
             raise _Refused(problem=f"nested deeper than {MAX_DEPTH} levels", problem_mark=event.start_mark)
+        if getattr(event, "style", None) in ("'", '"') and event.start_mark.line != event.end_mark.line:
+            self.long_quote = event.start_mark.line, event.end_mark.line
         self.depth += 1
         node = super().compose_node(parent, index)
         self.depth -= 1
@@ -109,10 +116,12 @@ def parse(text: str) -> Document:
     try:
         loader = _Loader(text)
         node = loader.get_single_node()
+    except _Refused as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        document.problems.append(Problem((), line, str(error.problem)))
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else 1
-        document.problems.append(Problem((), line, _plain(error)))
+        words = plain(error, text, loader.long_quote if loader else None)
+        document.problems.append(Problem((), *words))
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         document.problems.append(Problem((), line, f"character U+{error.character:04X} is not allowed"))
@@ -126,16 +135,6 @@ def parse(text: str) -> Document:
         if loader is not None:
             loader.dispose()
     return document
-
-
-def _plain(error: yaml.MarkedYAMLError) -> str:
-    if isinstance(error, _Refused):
-        return str(error.problem)
-    problem = str(error.problem or error.context)
-    if "'\\t'" in problem:
-        return "a tab where YAML allows only spaces; indent with spaces"
-    context = f" ({error.context})" if error.context and error.problem else ""
-    return f"not readable as YAML: {problem}{context}"
 
 
 def _build(document: Document, node: yaml.Node, path: KeyPath, where: yaml.Node) -> Any:
@@ -171,7 +170,8 @@ def _scalar(document: Document, node: yaml.Node, path: KeyPath) -> Any:
     try:
         return _CONVERT[node.tag.removeprefix(_TAG)](node.value)
     except ValueError:  # "\ud800" is a character for YAML; a number may be too long for Python
-        message = f"{node.value[:40]!r} cannot be read"
+        told = "the token" if path[-1:] in SECRETS else repr(node.value[:40])
+        message = f"{told} cannot be read"
     document.problems.append(
         Problem(path, node.start_mark.line + 1, message, "a shorter number, or plain text")
     )

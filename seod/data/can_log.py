@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark, needs_extra
+from seod.files.damage import DamagedError, library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from cantools.database.can import Message as Layout
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc")
-_DAMAGED = (ValueError, IndexError, OSError, EOFError, KeyError, struct.error, zlib.error)
-"""What python-can's readers raise where a file is cut off or damaged."""
 _BLF_HEAD_BYTES = 144
 TIME = "timestamp"
 """Name of the column of the frames' times [s]."""
@@ -53,7 +50,7 @@ class CanSource:
         self.notes: Mapping[str, str] = {"dbc": str(dbc)}
         self._size = max(1, path.stat().st_size)
         if path.suffix.lower() == ".blf" and self._size < _BLF_HEAD_BYTES:
-            raise ReadError(f"{path}: is no CAN log of this kind: its header is missing")
+            raise DamagedError("its header is missing")
 
     def close(self) -> None:
         """Nothing stays open."""
@@ -80,7 +77,7 @@ class CanSource:
 
         frames = 0
         try:
-            with can.LogReader(self.path) as log:
+            with library(NotImplementedError), can.LogReader(self.path) as log:
                 file = getattr(log, "file", None)
                 for frame in log:
                     done = _position(file) / self._size if frames % BLOCK_ROWS == 0 else 0.0
@@ -90,15 +87,13 @@ class CanSource:
                     self.remarks.append(Remark("truncated", f"the end after {frames} frames is missing"))
         except NotImplementedError as error:
             raise needs_extra(self.path, "asammdf", "mdf") from error
-        except _DAMAGED as error:
+        except DamagedError as error:
             if not frames:
                 raise ReadError(f"{self.path}: is no CAN log of this kind: {error}") from error
-            self.remarks.append(Remark("truncated", f"the end after {frames} frames cannot be read: {error}"))
+            self.remarks.append(Remark("damaged", f"the end after {frames} frames cannot be read: {error}"))
 
     def _decode(self, frame: Message, unread: Counter[str]) -> tuple[str, Mapping[str, Any]]:
         """Message and signals; "" for a frame that has none."""
-        from cantools.database import Error  # noqa: PLC0415
-
         if frame.is_error_frame or frame.is_remote_frame:
             unread["error or remote frames"] += 1
             return "", {}
@@ -110,8 +105,9 @@ class CanSource:
             unread[f"{layout.name}: shorter than {layout.length} bytes"] += 1
             return "", {}
         try:
-            content: Any = layout.decode_simple(bytes(frame.data[: layout.length]), decode_choices=False)
-        except Error as error:
+            with library():
+                content: Any = layout.decode_simple(bytes(frame.data[: layout.length]), decode_choices=False)
+        except DamagedError as error:
             unread[f"{layout.name}: {error}"] += 1
             return "", {}
         return layout.name, content

@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 
 GAP = 1.5
 """An interval longer than so many usual ones is a gap."""
+SLOW_S = 1.0
+"""Steps from which on times without a unit may be in ms or us: few rigs are sampled so slowly [s]."""
+_FEW_ROWS = 30
+"""Rows from which on that is asked."""
 UNEVEN = 0.05
 """Sampling is uneven if intervals scatter by more than this part of the usual one."""
+LATEST_S = 1e16
+"""A time beyond is none: a double tells no seconds apart there."""
 _SAID = {
     "missing": "has no time in {n} rows: left out",
     "duplicate": "has the same time as the row before in {n} rows: left out",
@@ -28,8 +34,21 @@ _SAID = {
 }
 
 
+def _question(usual: float) -> str:
+    """Whether times of so slow a rate may be in another unit."""
+    return (
+        f"has no unit, and its usual step of {usual:g} is {1.0 / usual:.3g} Hz in s, as which it is taken: "
+        f"`--units t=ms` says ms ({1e3 / usual:.4g} Hz), `--units t=us` us ({1e6 / usual:.4g} Hz)"
+    )
+
+
 class Clock:
     """Takes the times of a recording in the order of the file.
+
+    Args:
+        file: For messages.
+        column: The times' column, likewise.
+        has_unit: The file, or the user, tells the unit of its times.
 
     Attributes:
         count: Usable rows so far.
@@ -38,8 +57,8 @@ class Clock:
         shortest, longest: Intervals between usable rows [s].
     """
 
-    def __init__(self, file: Path, column: str) -> None:
-        self._file, self._column = file, column
+    def __init__(self, file: Path, column: str, has_unit: bool = True) -> None:
+        self._file, self._column, self._has_unit = file, column, has_unit
         self._bad: dict[str, list[Rows]] = {kind: [] for kind in _SAID}
         self._gaps: list[Rows] = []
         self._lost = self._back = self._scatter = 0.0
@@ -55,7 +74,7 @@ class Clock:
             Which of them are usable: later than all before.
         """
         before = -math.inf if math.isnan(self.last) else self.last
-        finite = np.isfinite(t)
+        finite = np.abs(t) < LATEST_S  # and no nan
         newest = np.maximum.accumulate(np.concatenate(([before], np.where(finite, t, -math.inf))))[:-1]
         usable = finite & (t > newest)
         decreasing = finite & (t < newest)
@@ -90,6 +109,8 @@ class Clock:
                 f"{len(gaps)} gaps, the longest of {self.longest:g} s; {self._lost:g} s are missing in all"
             )
             yield self._problem("gap", gaps, message)
+        if not self._has_unit and self.usual >= SLOW_S and self.count >= _FEW_ROWS:
+            yield self._problem("unit", np.array([], np.int64), _question(self.usual))
         scatter = math.sqrt(self._scatter / self._even) if self._even else 0.0
         if scatter > UNEVEN:
             message = f"is sampled unevenly: intervals of {self.usual:g} s scatter by {100 * scatter:.2g} %"

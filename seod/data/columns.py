@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from seod.config.errors import suggest
-from seod.data.source import ReadError, place
+from seod.data.source import ReadError, Remark, place
 from seod.data.units import KNOWN, spelled, to_base
+from seod.record.layout import PROFILE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,11 +25,15 @@ ROLES: Final = {
     "t_u": ("s", ("time",)),
     "ps": ("Pa", ("pressure",)),
     "temperature": ("K", ("temperature",)),
+    "f": ("", ()),
 }
 """What a recording is made of: unit where the file tells none, and dimensions it may have (any, if none)."""
 
-TIMES: Final = {"u": "t_u", "ps": "t_ps", "temperature": "t_temperature"}
+TIMES: Final = {"u": "t_u", "ps": "t_ps", "temperature": "t_temperature", "f": "t_f"}
 """What comes at times of its own where its group is not that of `y`, and what these times are called."""
+
+_UNIT_IN_NAME: Final = re.compile(r".*[_ .](?P<unit>ms|us|ns)|(?P<word>millis|micros)")
+"""Names of times that tell their unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +44,7 @@ class Found:
         group: Where it stands.
         column: The column as it is in the file.
         unit: Of the values that `si` makes: the SI base unit, or the file's own where that is not known.
+        has_unit: The file, or the user, tells the unit; else it is the default.
     """
 
     group: Group
@@ -44,6 +52,7 @@ class Found:
     factor: float
     zero: float
     unit: str
+    has_unit: bool = True
 
     def si(self, values: Floats) -> Floats:
         """Values of the file in `unit`; bit for bit as they are where nothing is to be changed."""
@@ -70,7 +79,11 @@ def parse_pairs(text: str, option: str) -> dict[str, str]:
 
 
 def resolve(
-    source: Source, columns: Mapping[str, str], units: Mapping[str, str], axis: str | None = None
+    source: Source,
+    columns: Mapping[str, str],
+    units: Mapping[str, str],
+    axis: str | None = None,
+    of_rig: bool = False,
 ) -> dict[str, Found]:
     """Find the columns of a recording: at least `t`, `u` and `y`.
 
@@ -79,13 +92,14 @@ def resolve(
         columns: Role -> name in the file, `GROUP.NAME` where several groups have it; else the role's name.
         units: Role -> unit, where the file tells none or a wrong one.
         axis: Of a file with several axes, whose columns are called `AXIS.y`.
+        of_rig: The axis is a rig file's, and columns that name none are taken to be its.
 
     Raises:
         ReadError: A column is missing or ambiguous; says which there are.
     """
-    prefix = _axis_prefix(source, columns, axis)
+    prefix = _axis_prefix(source, columns, axis, of_rig)
     found: dict[str, tuple[Group, Column]] = {}
-    for role in ("y", "u", "t_u", "ps", "temperature"):
+    for role in ("y", "u", "t_u", "ps", "temperature", "f"):
         each = _look_up(source, columns.get(role, prefix + role), role in columns)
         if each is not None:
             found[role] = each
@@ -100,18 +114,21 @@ def resolve(
         raise ReadError(
             f"{source.path}: t_u is in group {found['t_u'][0].name!r}, u in {found['u'][0].name!r}"
         )
-    return {role: _in_si(source.path, role, *each, units.get(role)) for role, each in found.items()}
+    told = {role: _unit(source, role, column, units) for role, (_, column) in found.items()}
+    return {role: _in_si(source.path, role, *each, told[role]) for role, each in found.items()}
 
 
-def _axis_prefix(source: Source, columns: Mapping[str, str], axis: str | None) -> str:
+def _axis_prefix(source: Source, columns: Mapping[str, str], axis: str | None, of_rig: bool) -> str:
     """`motor.` where columns are called `motor.y`, else nothing."""
     names = {column.name for group in source.groups if group.main for column in group.columns}
     axes = sorted(
         name.removesuffix(".y") for name in names if name.endswith(".y") and f"{name[:-1]}u" in names
     )
     if axis is not None:
-        if axis not in axes and not (axes == [] and {"y", "u"} <= names):
-            raise ReadError(f"{source.path}: no axis {axis!r}; {suggest(axis, axes, 'axes')}")
+        known = axes or _recorded_axes(source)
+        if axis not in known and (known or not of_rig):
+            why = suggest(axis, known, "axes") if known else "its columns name no axis: leave it out"
+            raise ReadError(f"{source.path}: no axis {axis!r}; {why}")
         return f"{axis}." if axis in axes else ""
     if "y" in names or {"y", "u"} <= columns.keys() or not axes:
         return ""
@@ -119,6 +136,15 @@ def _axis_prefix(source: Source, columns: Mapping[str, str], axis: str | None) -
         choose = ",".join(f"{role}={axes[0]}.{role}" for role in ("t", "u", "y"))
         raise ReadError(f"{source.path}: has the axes {', '.join(axes)}: choose one, `--columns {choose}`")
     return f"{axes[0]}."
+
+
+def _recorded_axes(source: Source) -> list[str]:
+    """The axes of a recording of this program; its columns carry their names only where there are several."""
+    try:
+        axes = json.loads(source.notes.get(f"{PROFILE}.axes", "[]"))
+    except ValueError:  # a damaged file; its reader tells
+        return []
+    return axes if isinstance(axes, list) else []
 
 
 def _look_up(source: Source, name: str, must: bool) -> tuple[Group, Column] | None:
@@ -162,6 +188,17 @@ def _missing(source: Source, name: str, role: str | None) -> str:
     return f"{source.path}: no column {name!r}; {suggest(name, names, 'columns')}{hint}"
 
 
+def _unit(source: Source, role: str, column: Column, units: Mapping[str, str]) -> str | None:
+    """The unit that was given; else, of times to which the file gives none, that in their name, remarked."""
+    named = _UNIT_IN_NAME.fullmatch(column.name)
+    if role not in ("t", "t_u") or role in units or column.unit or named is None:
+        return units.get(role)
+    unit = named["unit"] or ("ms" if named["word"] == "millis" else "us")
+    message = f"column {column.name!r} is taken as {unit} by its name; `--units {role}=s` if it is not"
+    source.remarks.append(Remark("unit", message))
+    return unit
+
+
 def _in_si(path: Path, role: str, group: Group, column: Column, given: str | None) -> Found:
     where = place(path, column=column.name)
     if column.text:
@@ -176,7 +213,7 @@ def _in_si(path: Path, role: str, group: Group, column: Column, given: str | Non
         return Found(group, column, 1.0, 0.0, unit)
     if dimensions and KNOWN[unit][0] not in dimensions:
         raise ReadError(f"{where}: {role} cannot be in {unit}; {suggest(unit, _right(dimensions), 'units')}")
-    return Found(group, column, *to_base(unit))
+    return Found(group, column, *to_base(unit), has_unit=bool(given or column.unit))
 
 
 def _right(dimensions: Sequence[str]) -> list[str]:

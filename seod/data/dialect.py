@@ -39,6 +39,9 @@ _LOOKED_AT = 50
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a", "nil"))
 """Words, in lower case, for a value that is not there."""
 
+LONGEST_NUMBER = 400
+"""Characters; the longest that a program prints of a double is 1 + 309 + 17. What is longer is damage, and
+takes time that grows with the square of its length to convert."""
 _NUMBER = re.compile(
     r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*|\s*[-+]?inf(inity)?\s*", re.ASCII | re.IGNORECASE
 )
@@ -56,6 +59,7 @@ class Dialect:
         first: Line of the first row of values, from 1.
         dates: Indices of columns that hold dates.
         empty: Indices of columns that have no value yet.
+        unnamed: Columns at the end that the header has no cell for.
     """
 
     encoding: str
@@ -65,6 +69,7 @@ class Dialect:
     first: int
     dates: frozenset[int] = frozenset()
     empty: frozenset[int] = frozenset()
+    unnamed: int = 0
 
 
 def encoding_of(data: bytes) -> str:
@@ -92,7 +97,7 @@ def is_comment(line: str) -> bool:
 
 def number(cell: str, decimal: str) -> float | None:
     """A cell's number, nan where a word says that there is none; None if it is something else."""
-    if decimal == "," and "." in cell:
+    if len(cell) > LONGEST_NUMBER or (decimal == "," and "." in cell):
         return None
     if decimal != ".":
         cell = cell.replace(",", ".")
@@ -159,8 +164,11 @@ def detect(data: bytes, path: str, complete: bool) -> Dialect:
     if not numbered:
         raise ReadError(f"{path}: is empty; expected a header line and rows of numbers")
     separator, decimal, width = _best([line for _, line in numbered[-_LOOKED_AT:]])
-    rows = [(at, row) for at, line in numbered if len(row := cells(line, separator)) == width]
+    every = [(at, cells(line, separator)) for at, line in numbered]
+    rows = [(at, row) for at, row in every if len(row) == width]
     found = _with_header(rows, Dialect(encoding, separator, decimal, (), 0)) if width else None
+    if found is not None and rows[0][0] == found.first:
+        found = _with_other_header(every, found)
     if found is None:
         raise ReadError(
             f"{path}: no table of numbers in it: expected a header line and rows of at least two cells, "
@@ -186,6 +194,24 @@ def _with_header(rows: list[tuple[int, list[str]]], found: Dialect) -> Dialect |
     names = _columns([row for _, row in rows[:begin]], len(columns), numbers, dates)
     empty = frozenset(numbers) - frozenset(numeric) - dates
     return replace(found, columns=names, first=rows[begin][0], dates=dates, empty=empty)
+
+
+def _with_other_header(rows: list[tuple[int, list[str]]], found: Dialect) -> Dialect:
+    """By the header of a logger that ends its rows, or its header, in a separator that the other has not."""
+    width = len(found.columns)
+    words = [
+        (k, row)
+        for k, (at, row) in enumerate(rows)
+        if at < found.first and len(row) > 1 and not any(_is_number(cell, found.decimal) for cell in row)
+    ]
+    last, header = words[-1] if words else (0, [])
+    if not header or any(header[width:]):
+        return found
+    named = _columns(
+        [[*header, *map(str, range(len(header) + 1, width + 1))][:width]], width, [], frozenset()
+    )
+    columns = tuple(replace(new, text=old.text) for new, old in zip(named, found.columns, strict=True))
+    return replace(found, columns=columns, first=rows[last + 1][0], unnamed=max(0, width - len(header)))
 
 
 def _is_empty(column: Sequence[str]) -> bool:

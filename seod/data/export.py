@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from seod.data.progress import shown
 from seod.data.source import Column, Group, ReadError, Table
 from seod.data.writers import ONE_GROUP, SUFFIXES, WRITERS
+from seod.files.user_files import create_recording, named, restrict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from seod.data.source import Source
     from seod.data.writers import Writer
 
-_ROLES = ("t", "u", "y", "t_u", "ps", "temperature")
+_ROLES = ("t", "u", "y", "t_u", "ps", "temperature", "f")
 
 
 @dataclass
@@ -119,12 +121,20 @@ def _writing(path: Path, kind: str, groups: Sequence[Group], source: Source) -> 
     """A writer whose file appears under its name only when it is complete."""
     part = path.with_name(f".part-{path.name}{SUFFIXES[kind]}")  # asammdf insists on its suffix
     try:
-        writer = WRITERS[kind](part, groups, dict(source.notes))
-        try:
-            yield writer
-        finally:
+        with named(path, part):
+            os.close(create_recording(part))
+            writer = WRITERS[kind](part, groups, dict(source.notes))
+            try:
+                yield writer
+            except BaseException:
+                with suppress(Exception):  # what it says of half a file would hide why it is half
+                    writer.close()
+                raise
             writer.close()
-        part.replace(path)
+            restrict(part)  # asammdf has put a file of its own there
+            part.replace(path)
+    except ReadError as error:
+        raise ReadError(str(error).replace(str(part), str(path))) from error
     finally:
         part.unlink(missing_ok=True)
 

@@ -24,7 +24,7 @@ def open_mat(path: Path) -> Table:
     """Vectors, columns of matrices (`data[2]`), fields of structs (`run.pos`); a group for each length.
 
     Raises:
-        ReadError: Not a MAT file of these versions, or nothing but scalars in it.
+        ReadError: Version 7.3, or nothing but scalars in it.
     """
     content = _load(path)
     units = content.pop(UNITS, {})
@@ -52,7 +52,6 @@ def open_mat(path: Path) -> Table:
 
 def _load(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat  # noqa: PLC0415 - slow to import
-    from scipy.io.matlab import MatReadError  # noqa: PLC0415
 
     try:
         content: dict[str, Any] = loadmat(path, simplify_cells=True)
@@ -60,8 +59,6 @@ def _load(path: Path) -> dict[str, Any]:
         raise ReadError(
             f"{path}: is a MAT file of version 7.3 (HDF5), which is not read; in MATLAB: save(name, '-v7')"
         ) from error
-    except (MatReadError, ValueError, TypeError, EOFError, OSError, IndexError, KeyError) as error:
-        raise ReadError(f"{path}: is no whole MAT file: {error}") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 

@@ -7,14 +7,10 @@ tick is a row, with several axes `t`, `u` ... carry the axis. Every other channe
 from __future__ import annotations
 
 import json
-import struct
-from collections import defaultdict
+from collections import Counter, defaultdict
 from typing import IO, TYPE_CHECKING, Any
 
-from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
-from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, Footer, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
 
 from seod.data.mcap_rows import (
     LOG_TIME,
@@ -27,23 +23,26 @@ from seod.data.mcap_rows import (
     rows_group,
     schema_columns,
 )
-from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark
-from seod.record.layout import PROFILE, ROWS
+from seod.data.source import BLOCK_ROWS, Block, Column, Group, Remark
+from seod.files.damage import DamagedError
+from seod.record.layout import PROFILE, ROW, ROWS
+from seod.record.mcap_records import Damage, records, summary_of, unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from mcap.records import McapRecord
+
 _EXPLORED_BYTES = 1 << 23
 """How far into a file that has a summary the fields of JSON messages are looked for."""
-_CUT_OFF = (EndOfFile, struct.error, UnicodeDecodeError)
 
 
 class McapSource:
-    """An MCAP file, whole or cut off.
+    """An MCAP file, whole, damaged or cut off.
 
     Raises:
-        ReadError: It is no MCAP file.
+        DamagedError: It is no MCAP file.
     """
 
     format = "mcap"
@@ -58,6 +57,8 @@ class McapSource:
         self._profile = ""
         self.notes: Mapping[str, str] = {}
         self._explore()
+        if self.remarks and not self._channels:
+            raise DamagedError(self.remarks[0].message)
         self.remarks.clear()  # the blocks will tell them again
         self._axes = [c.topic.removeprefix(ROWS) for c in self._sorted() if self._is_rows(c)]
         self.groups: tuple[Group, ...] = tuple(self._make_groups())
@@ -66,23 +67,35 @@ class McapSource:
         """Nothing stays open."""
 
     def blocks(self, wanted: Mapping[str, Sequence[str]]) -> Iterator[Block]:
-        """As `Source`."""
+        """As `Source`; what is damaged is left out and said."""
         gathered = {
             group.name: self._rows(group, wanted[group.name]) for group in self.groups if group.name in wanted
         }
+        lost: Counter[str] = Counter()
         with self.path.open("rb") as file:
-            for record in self._records(file):
-                rows = gathered.get(self._group_of(record)) if isinstance(record, Message) else None
-                if rows is None or not isinstance(record, Message):
+            for message in self._messages(file, lost):
+                rows = gathered.get(self._group_of(message))
+                if rows is None:
                     continue
-                if isinstance(rows, TickRows):
-                    rows.add(self._channels[record.channel_id].topic.removeprefix(ROWS), record.data)
-                else:
-                    rows.add(self._content(record))
+                self._add(rows, message, lost)
                 if len(rows) >= BLOCK_ROWS:
                     yield rows.block(min(1.0, file.tell() / self._size))
         for rows in gathered.values():
             yield rows.block(1.0, last=True) if isinstance(rows, TickRows) else rows.block(1.0)
+        self.remarks += [Remark("damaged", f"{what}: {n} messages left out", n) for what, n in lost.items()]
+
+    def _add(self, rows: TickRows | JsonRows, message: Message, lost: Counter[str]) -> None:
+        topic = self._channels[message.channel_id].topic
+        if isinstance(rows, JsonRows):
+            content = self._content(message)
+            if content is None:
+                lost[f"{topic}: no JSON"] += 1
+            else:
+                rows.add(content)
+        elif len(message.data) != ROW.itemsize:
+            lost[f"{topic}: not the {ROW.itemsize} bytes of a row"] += 1
+        else:
+            rows.add(topic.removeprefix(ROWS), message.data)
 
     def _rows(self, group: Group, names: Sequence[str]) -> TickRows | JsonRows:
         if group.name == ROWS_GROUP:
@@ -92,55 +105,41 @@ class McapSource:
     def _explore(self) -> None:
         """Channels by the summary, fields by the beginning; both by the whole file if it has no summary."""
         with self.path.open("rb") as file:
-            try:
-                summary = make_reader(file).get_summary()
-            except (*_CUT_OFF, McapError, OSError, ValueError):
-                summary = None
+            summary = summary_of(file)
             if summary is not None:
                 self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
-            file.seek(0)
-            for record in self._records(file):
-                if isinstance(record, Message):
-                    self._fields[record.channel_id].see(self._content(record))
+            for message in self._messages(file, Counter()):
+                self._fields[message.channel_id].see(self._content(message) or {})
                 if summary is not None and file.tell() > _EXPLORED_BYTES:
                     return
 
-    def _records(self, file: IO[bytes]) -> Iterator[object]:
-        """All records, those in chunks too, as far as the file is whole; keeps what describes it."""
-        reader = StreamReader(file, emit_chunks=True).records
-        while True:
-            try:
-                record = next(reader)
-            except StopIteration:
-                return
-            except _CUT_OFF:
-                self._cut_off(file)
-                return
-            except McapError as error:
-                raise ReadError(f"{self.path}: {error}") from error
-            for each in self._unpacked(record):
-                self._keep(each)
-                yield each
-            if isinstance(record, Footer):
-                return
+    def _messages(self, file: IO[bytes], lost: Counter[str]) -> Iterator[Message]:
+        """All messages of channels that are known; keeps what describes the file."""
+        for found in records(file, self._size):
+            for record in self._opened(found):
+                if not isinstance(record, Message):
+                    self._keep(record)
+                elif record.channel_id in self._channels:
+                    yield record
+                else:
+                    lost[f"channel {record.channel_id}, which is not described"] += 1
 
-    def _cut_off(self, file: IO[bytes]) -> None:
-        if file.tell() < 8:
-            raise ReadError(f"{self.path}: is no MCAP file")
-        self.remarks.append(Remark("truncated", "the file was not closed: read to its last whole chunk"))
-
-    def _unpacked(self, record: object) -> Sequence[object]:
+    def _opened(self, record: McapRecord | Damage) -> Sequence[McapRecord]:
+        """The records of a chunk, or the one; none where it is damaged, which is remarked."""
+        if isinstance(record, Damage):
+            kind = "truncated" if record.is_end else "damaged"
+            end = "; what was written after the last whole chunk is missing" if record.is_end else ""
+            self.remarks.append(Remark(kind, f"{record.message}{end}"))
+            return []
         if not isinstance(record, Chunk):
             return [record]
         try:
-            return breakup_chunk(record, validate_crc=True)
-        except UnsupportedCompressionError as error:
-            raise ReadError(f"{self.path}: {error}: pip install lz4 zstandard") from error
-        except (ValueError, RuntimeError, McapError, struct.error) as error:
+            return unpacked(record)
+        except DamagedError as error:
             self.remarks.append(Remark("damaged", f"a chunk is damaged and left out: {error}"))
             return []
 
-    def _keep(self, record: object) -> None:
+    def _keep(self, record: McapRecord) -> None:
         match record:
             case Header():
                 self._profile = record.profile
@@ -185,13 +184,13 @@ class McapSource:
         told = schema_columns(schema.data) if schema is not None and schema.encoding == "jsonschema" else []
         return self._fields[channel.id].columns(told)
 
-    def _content(self, record: Message) -> dict[str, Any]:
-        channel = self._channels[record.channel_id]
-        if channel.message_encoding != "json":
+    def _content(self, message: Message) -> dict[str, Any] | None:
+        """The fields of a JSON message; None if it is none."""
+        if self._channels[message.channel_id].message_encoding != "json":
             return {}
         try:
-            content = json.loads(record.data)
-        except ValueError as error:
-            raise ReadError(f"{self.path}: {channel.topic}: message {record.sequence}: {error}") from error
-        own = flat(content if isinstance(content, dict) else {"value": content})
-        return {**own, LOG_TIME: record.log_time * 1e-9}
+            content = json.loads(message.data)
+            own = flat(content if isinstance(content, dict) else {"value": content})
+        except (ValueError, RecursionError):
+            return None
+        return {**own, LOG_TIME: message.log_time * 1e-9}

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seod.data.source import Block, Column, Group, ReadError, place
+from seod.processes.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 from seod.record.layout import UNITS, decode
-from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ROWS_GROUP = "rows"
 LOG_TIME = "log_time"
 MORE = "more"
+_MOST_FIELDS = 1000
+"""Fields of a channel that become columns; further ones go to `MORE`."""
 _OF_AXIS = (*AXIS_FIELDS, "age", "state", "flags")
 _STATES = {int(state): state.name.lower() for state in AxisState}
 
@@ -137,7 +139,8 @@ class Fields:
     def see(self, content: Mapping[str, Any]) -> None:
         """One message."""
         for name, value in content.items():
-            self._text[name] = isinstance(value, str) or self._text.get(name, False)
+            if name in self._text or len(self._text) < _MOST_FIELDS:
+                self._text[name] = isinstance(value, str) or self._text.get(name, False)
 
     def columns(self, told: Sequence[Column]) -> list[Column]:
         """The columns that a schema tells, and those that were seen besides."""
@@ -179,7 +182,14 @@ class JsonRows:
         if self._text[name]:
             return np.array(["" if value is None else str(value) for value in found], object)
         # None becomes nan
-        return np.array([value if isinstance(value, float | int) else None for value in found], np.float64)
+        return np.array([_number(value) for value in found], np.float64)
+
+
+def _number(value: Any) -> float | None:
+    try:
+        return float(value) if isinstance(value, float | int) else None
+    except OverflowError:  # JSON's whole numbers have no end
+        return None
 
 
 def flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

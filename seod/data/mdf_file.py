@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import struct
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark, needs_extra, place
+from seod.data.source import BLOCK_ROWS, Block, Column, Group, Remark, needs_extra, place
+from seod.files.damage import DamagedError, library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from seod.data.source import Values
 
-
-_DAMAGED = (ValueError, OSError, KeyError, IndexError, TypeError, AttributeError, EOFError, struct.error)
-"""What asammdf raises where a file is cut off or damaged."""
 
 _HEAD_BYTES = 228
 """Identification and header of either version."""
@@ -28,7 +25,8 @@ class MdfSource:
     """An MDF file.
 
     Raises:
-        ReadError: asammdf is missing, or it is no such file.
+        ReadError: asammdf is missing.
+        DamagedError: It is no such file.
     """
 
     format = "mdf"
@@ -36,22 +34,20 @@ class MdfSource:
     def __init__(self, path: Path) -> None:
         try:
             from asammdf import MDF  # noqa: PLC0415 - optional
-            from asammdf.blocks.utils import MdfException  # noqa: PLC0415
         except ImportError as error:
             raise needs_extra(path, "asammdf", "mdf") from error
         self.path = path
         self.remarks: list[Remark] = []
         _check_head(path)
         self._file = path.open("rb")  # ours, for asammdf leaves it open where it fails
-        self._damaged = (MdfException, *_DAMAGED)
         self._indices: dict[str, tuple[int, dict[str, int]]] = {}
         try:
             self._mdf: Any = MDF(self._file)
             used = [k for k in range(len(self._mdf.groups)) if self._mdf.groups[k].channel_group.cycles_nr]
             self.groups: tuple[Group, ...] = tuple(self._group(index, len(used) > 1) for index in used)
-        except self._damaged as error:
+        except BaseException:
             self._file.close()
-            raise ReadError(f"{path}: is no whole MDF file: {error}") from error
+            raise
         comment = _plain(self._mdf.header.comment)
         self.notes: Mapping[str, str] = {"comment": comment} if comment else {}
 
@@ -61,15 +57,37 @@ class MdfSource:
         self._file.close()
 
     def blocks(self, wanted: Mapping[str, Sequence[str]]) -> Iterator[Block]:
-        """As `Source`."""
+        """As `Source`; a group ends where it cannot be read any more."""
         rows = {name: self._length(name) for name in wanted}
-        total, done = max(1, sum(rows.values())), 0
+        total, before = max(1, sum(rows.values())), 0
         for group in self.groups:
             for at in range(0, rows.get(group.name, 0), BLOCK_ROWS):
                 count = min(BLOCK_ROWS, rows[group.name] - at)
-                done += count
-                values = {name: self._values(group, name, at, count) for name in wanted[group.name]}
-                yield Block(group, values, np.arange(at + 1, at + 1 + count), done / total)
+                values = self._block(group, wanted[group.name], at, count)
+                read = min(map(len, values.values()), default=0)
+                if read:
+                    whole = {name: each[:read] for name, each in values.items()}
+                    yield Block(group, whole, np.arange(at + 1, at + 1 + read), (before + at + read) / total)
+                if read < count:
+                    break
+            before += rows.get(group.name, 0)
+
+    def _block(self, group: Group, names: Sequence[str], at: int, count: int) -> dict[str, Values]:
+        """Rows of a group, fewer than `count` where the file is damaged, which is remarked."""
+        values: dict[str, Values] = {}
+        try:
+            for name in names:
+                with library():
+                    values[name] = self._values(group, name, at, count)
+        except DamagedError as error:
+            self.remarks.append(
+                Remark("damaged", f"{place(group.name, at + 1, name)}: cannot be read: {error}")
+            )
+            return {}
+        short = min(map(len, values.values()), default=count)
+        if short < count:
+            self.remarks.append(Remark("damaged", f"{place(group.name, at + short)}: is the last one there"))
+        return values
 
     def _length(self, name: str) -> int:
         return int(self._mdf.groups[self._indices[name][0]].channel_group.cycles_nr)
@@ -91,7 +109,12 @@ class MdfSource:
         return Group(name, readable, None if master is None else group.channels[master].name)
 
     def _column(self, group: int, name: str, at: int) -> Column | None:
-        sample = self._mdf.get(group=group, index=at, record_offset=0, record_count=1)
+        try:
+            with library():
+                sample = self._mdf.get(group=group, index=at, record_offset=0, record_count=1)
+        except DamagedError as error:
+            self.remarks.append(Remark("damaged", f"{name}: cannot be read: {error}"))
+            return None
         if sample.samples.ndim != 1 or sample.samples.dtype.kind not in "fiubSU":
             self.remarks.append(Remark("unread", f"{name}: neither numbers nor text"))
             return None
@@ -99,10 +122,7 @@ class MdfSource:
 
     def _values(self, group: Group, name: str, at: int, count: int) -> Values:
         index, channels = self._indices[group.name]
-        try:
-            signal = self._mdf.get(group=index, index=channels[name], record_offset=at, record_count=count)
-        except self._damaged as error:
-            raise ReadError(f"{place(self.path, at + 1, name)}: cannot be read: {error}") from error
+        signal = self._mdf.get(group=index, index=channels[name], record_offset=at, record_count=count)
         if signal.samples.dtype.kind == "S":
             return np.array([each.decode(signal.encoding or "latin-1") for each in signal.samples], object)
         if signal.samples.dtype.kind == "U":
@@ -114,11 +134,15 @@ class MdfSource:
 
 
 def _check_head(path: Path) -> None:
-    """Refuse what asammdf could only refuse with complaints of its destructor."""
+    """Refuse what asammdf would take for something else.
+
+    Raises:
+        DamagedError: No header of either version.
+    """
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     if len(head) < _HEAD_BYTES or head[64:66] not in (b"##", b"HD"):
-        raise ReadError(f"{path}: is no whole MDF file: its header is missing")
+        raise DamagedError("its header is missing")
 
 
 def _plain(comment: str) -> str:

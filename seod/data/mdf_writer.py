@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.data.source import Block, Column, Group, Values
+
+_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 has no place for, by its section 2.2."""
 
 
 class MdfWriter:
@@ -32,7 +36,7 @@ class MdfWriter:
         self._signal: Callable[..., Any] = Signal
         self._numbers: dict[str, int] = {}
         self._mdf: Any = MDF(version="4.10")
-        self._mdf.header.comment = "; ".join(f"{key}: {value}" for key, value in notes.items())
+        self._mdf.header.comment = _for_xml("; ".join(f"{key}: {value}" for key, value in notes.items()))
 
     def write(self, block: Block) -> None:
         """Append."""
@@ -85,3 +89,8 @@ def _mdf_samples(values: Values) -> Values:
     if values.dtype != object:
         return values
     return np.array([str(value).encode() for value in values], "S")
+
+
+def _for_xml(text: str) -> str:
+    """The text with what XML cannot hold escaped: a comment of an MDF file is XML."""
+    return _NOT_IN_XML.sub(lambda odd: repr(odd[0])[1:-1], text)

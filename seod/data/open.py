@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seod.data.apart import Apart
+from seod.data.guarded import Guarded
 from seod.data.source import ReadError
+from seod.files.damage import TIMES_SIZE, DamagedError, bounded, heard, library
+from seod.files.user_files import irregular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,13 +38,27 @@ _SUFFIXES = {
     ".trc": "can",
 }
 
+_NAMES = {
+    "mcap": "whole MCAP file",
+    "parquet": "whole Parquet file",
+    "mdf": "whole MDF file",
+    "can": "CAN log of this kind",
+    "mat": "whole MAT file",
+    "csv": "table of numbers",
+}
+TIMES = {"mat": 16}
+"""So many times its size a file may take that is in memory as a whole, unpacked."""
+
 
 def kind_of(path: Path, dbc: Path | None = None) -> str:
     """`mcap`, `parquet`, `mdf`, `can`, `mat`, or `csv` for any other file.
 
     Raises:
-        ReadError: There is no such file.
+        ReadError: There is no such file, or it is a pipe, a folder or a device.
     """
+    for each in (path, dbc):
+        if each is not None and (why := irregular(each)):
+            raise ReadError(f"{each}: {why}")
     try:
         with path.open("rb") as file:
             head = file.read(512)
@@ -66,16 +85,24 @@ def open_source(path: Path | str, dbc: Path | None = None) -> Iterator[Source]:
     Raises:
         ReadError: It cannot be read; says why, and which package is missing if that is it.
     """
-    source = _make(Path(path), dbc)
-    try:
-        yield source
-    finally:
-        source.close()
+    path = Path(path)
+    kind = kind_of(path, dbc)
+    with heard() as complaints:
+        try:
+            with bounded(path.stat().st_size, TIMES.get(kind, TIMES_SIZE)), library(ReadError):
+                source = _make(path, kind, dbc, complaints)
+        except DamagedError as error:
+            raise ReadError(f"{path}: is no {_NAMES[kind]}: {error}") from error
+        guarded = Guarded(source, complaints)
+        try:
+            yield guarded
+        finally:
+            guarded.close()
 
 
-def _make(path: Path, dbc: Path | None) -> Source:
-    # Each format's library is imported only when such a file is read.
-    match kind_of(path, dbc):
+def _make(path: Path, kind: str, dbc: Path | None, complaints: list[str]) -> Source:
+    # Each format's library is imported only when such a file is read; what C code reads, apart.
+    match kind:
         case "mcap":
             from seod.data.mcap_file import McapSource  # noqa: PLC0415
 
@@ -87,17 +114,17 @@ def _make(path: Path, dbc: Path | None) -> Source:
         case "mat":
             from seod.data.mat_file import open_mat  # noqa: PLC0415
 
-            return open_mat(path)
+            return Apart(path, partial(open_mat, path), complaints)
         case "mdf":
             from seod.data.mdf_file import MdfSource  # noqa: PLC0415
 
-            return MdfSource(path)
+            return Apart(path, partial(MdfSource, path), complaints)
         case "can":
             from seod.data.can_log import CanSource  # noqa: PLC0415
 
             if dbc is None:
                 raise ReadError(f"{path}: is a log of CAN frames: `--dbc FILE` says what they mean")
-            return CanSource(path, dbc)
+            return Apart(path, partial(CanSource, path, dbc), complaints)
         case _:
             from seod.data.csv_file import CsvSource  # noqa: PLC0415
 

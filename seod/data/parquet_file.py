@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seod.data.source import BLOCK_ROWS, Block, Column, Group, ReadError, Remark, needs_extra
+from seod.data.source import BLOCK_ROWS, Block, Column, Group, Remark, needs_extra
 from seod.data.units import split_header
+from seod.files.damage import DamagedError, library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -23,22 +24,20 @@ class ParquetSource:
     """A Parquet file as one group.
 
     Raises:
-        ReadError: pyarrow is missing, or it is no such file.
+        ReadError: pyarrow is missing.
+        DamagedError: It is no such file.
     """
 
     format = "parquet"
 
     def __init__(self, path: Path) -> None:
         try:
-            from pyarrow import ArrowException, parquet  # noqa: PLC0415 - optional
+            from pyarrow import parquet  # noqa: PLC0415 - optional
         except ImportError as error:
             raise needs_extra(path, "pyarrow", "parquet") from error
         self.path = path
         self.remarks: list[Remark] = []
-        try:
-            self._file: Any = parquet.ParquetFile(path)
-        except ArrowException as error:
-            raise ReadError(f"{path}: is no whole Parquet file: {error}") from error
+        self._file: Any = parquet.ParquetFile(path)
         self._fields = {field.name: field for field in self._file.schema_arrow if _kind(field)}
         self._names = {name: split_header(name)[0] for name in self._fields}
         others = [field.name for field in self._file.schema_arrow if not _kind(field)]
@@ -54,14 +53,25 @@ class ParquetSource:
         self._file.close()
 
     def blocks(self, wanted: Mapping[str, Sequence[str]]) -> Iterator[Block]:
-        """As `Source`."""
+        """As `Source`; what is damaged of a row group is left out and said."""
         asked = [field for field, name in self._names.items() if name in wanted.get("", ())]
-        total, at = self._file.metadata.num_rows, 0
-        for batch in self._file.iter_batches(BLOCK_ROWS, columns=asked):
-            values = {self._names[field]: _values(batch.column(field)) for field in asked}
-            rows = np.arange(at + 1, at + 1 + batch.num_rows)
-            at += batch.num_rows
-            yield Block(self.groups[0], values, rows, at / total)
+        total, first = max(1, self._file.metadata.num_rows), 0
+        for number in range(self._file.num_row_groups):
+            at = first
+            try:
+                for batch in self._batches(number, asked):
+                    values = {self._names[field]: _values(batch.column(field)) for field in asked}
+                    rows = np.arange(at + 1, at + 1 + batch.num_rows)
+                    at += batch.num_rows
+                    yield Block(self.groups[0], values, rows, min(1.0, at / total))
+            except DamagedError as error:
+                message = f"row group {number + 1} cannot be read after its row {at - first}: {error}"
+                self.remarks.append(Remark("damaged", message))
+            first += self._file.metadata.row_group(number).num_rows
+
+    def _batches(self, number: int, fields: Sequence[str]) -> Iterator[Any]:
+        with library():
+            yield from self._file.iter_batches(BLOCK_ROWS, [number], list(fields), use_threads=False)
 
     def _column(self, name: str) -> Column:
         field = self._fields[name]

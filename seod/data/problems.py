@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,11 +11,13 @@ import numpy as np
 from seod.data.source import place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from seod.data.source import Floats, Rows, Source
 
+_TOLD = ("truncated", "damaged", "unread", "unit")
+"""Kinds that are told beside any answer."""
 _CLIPPED_RUN = 4
 """Samples in a row at the largest or smallest value that look clipped ..."""
 _CLIPPED_STEP = 3.0
@@ -26,8 +29,8 @@ class Problem:
     """One kind of defect in one column.
 
     Attributes:
-        kind: `gap, uneven, duplicate, decreasing, missing, infinite, clipped, several_commands`, or a remark
-            of the format's reader: `truncated, damaged, unread`.
+        kind: `gap, uneven, unit, duplicate, decreasing, missing, infinite, clipped, several_commands`, or a
+            remark of the format's reader: `truncated, damaged, unread`.
         file: Where.
         column: Name in the file; "" where it concerns the whole file.
         rows: Where it begins each time: lines of a text file, else numbers from 1; empty if it is no row.
@@ -53,6 +56,13 @@ def remarks(source: Source) -> list[Problem]:
     """What the format's reader noticed."""
     nowhere = np.array([], np.int64)
     return [Problem(r.kind, source.path, "", nowhere, r.message) for r in dict.fromkeys(source.remarks)]
+
+
+def tell(problems: Iterable[Problem]) -> None:
+    """Say on stderr what a user must know of a file before its answer is believed."""
+    for problem in problems:
+        if problem.kind in _TOLD:
+            print(f"seod: {problem}", file=sys.stderr)  # noqa: T201
 
 
 def value_problems(file: Path, column: str, values: Floats, rows: Rows) -> Iterator[Problem]:

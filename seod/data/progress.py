@@ -16,13 +16,11 @@ def shown(blocks: Iterable[Block], what: str) -> Iterator[Block]:
     if not sys.stderr.isatty():
         yield from blocks
         return
-    from rich.console import Console  # noqa: PLC0415 - only where it is seen
-    from rich.progress import Progress  # noqa: PLC0415
+    from seod.terminal.progress import bar  # noqa: PLC0415 - only where it is seen
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=1.0)
+    with bar() as show:
         done = 0.0
         for block in blocks:
             done = max(done, block.done)
-            progress.update(task, completed=done)
+            show(what, done)
             yield block

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from seod.data.columns import Found
     from seod.data.source import Floats, Rows, Source
 
-_OPTIONAL = ("ps", "temperature")
+_OPTIONAL = ("ps", "temperature", "f")
 _NOWHERE: Rows = np.array([], np.int64)
 
 
@@ -46,6 +46,7 @@ class Recording:
         names: Role -> column of the first file.
         units: Role -> unit of these arrays: the SI base unit; the file's own where we do not know it.
         problems: What is wrong with the files, what was left out included.
+        f: Measured disturbance, such as a force on the load, shape (n,), or None.
     """
 
     paths: tuple[Path, ...]
@@ -59,6 +60,7 @@ class Recording:
     names: Mapping[str, str]
     units: Mapping[str, str]
     problems: tuple[Problem, ...]
+    f: Floats | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -73,6 +75,7 @@ def read(
     axis: str | None = None,
     dbc: Path | None = None,
     between: tuple[float, float] | None = None,
+    of_rig: bool = False,
 ) -> Recording:
     """Read a recording; several files are parts of one, in the order given.
 
@@ -80,11 +83,12 @@ def read(
 
     Args:
         paths: CSV (plain or gzip), Parquet, MAT, MCAP, MDF or CAN log.
-        columns: `t=time,u=cmd,y=pos` where names differ; `t_u`, `ps` and `temperature` likewise.
+        columns: `t=time,u=cmd,y=pos` where names differ; `t_u`, `ps`, `temperature` and `f` likewise.
         units: `y=deg,u=mV` where the file tells none, or wrong ones.
         axis: Of a file with several: `motor` reads `motor.t`, `motor.u`, ...
         dbc: For a CAN log.
         between: Only rows with a time from here to there [s].
+        of_rig: The axis is a rig file's, and columns that name none are taken to be its.
 
     Raises:
         ReadError: Names file, row and column as far as there are any.
@@ -96,7 +100,7 @@ def read(
     parts = []
     for path in files:
         with open_source(path, dbc) as source:
-            parts.append(_one(source, resolve(source, mapping, given, axis), between))
+            parts.append(_one(source, resolve(source, mapping, given, axis, of_rig), between))
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
@@ -112,7 +116,7 @@ def _one(source: Source, found: Mapping[str, Found], between: tuple[float, float
     usable: dict[str, NDArray[np.bool_]] = {}
     for role in ("t", *TIMES.values()):
         if role in found and (name := found[role].group.name) not in usable:
-            clock = Clock(source.path, found[role].column.name)
+            clock = Clock(source.path, found[role].column.name, found[role].has_unit)
             usable[name] = clock.add(arrays[role], rows[name])
             problems += clock.problems()
     kept = {name: rows[name][keep] for name, keep in usable.items()}
@@ -165,6 +169,7 @@ def _recording(
         t_u=_told(arrays.get("t_u")),
         ps=_told(arrays.get("ps")),
         temperature=_told(arrays.get("temperature")),
+        f=_told(arrays.get("f")),
         rows=rows[found["t"].group.name],
         names={role: each.column.name for role, each in found.items()},
         units={role: each.unit for role, each in found.items()},

@@ -9,7 +9,8 @@ import numpy as np
 
 from seod.data.source import ReadError
 from seod.data.summary import WORDS
-from seod.text import number
+from seod.files.user_files import named
+from seod.terminal.text import number
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -125,7 +126,8 @@ def plot(summary: Summary, to: Path) -> None:
         axes.set_xlabel(label, fontsize=8)
         axes.tick_params(labelsize=7)
     figure.suptitle(summary.path.name, fontsize=9)
-    figure.savefig(to, format="png", dpi=110)
+    with named(to):
+        figure.savefig(to, format="png", dpi=110)
 
 
 def _abscissa(group: GroupSummary, column: ColumnSummary) -> tuple[NDArray[Any], str]:

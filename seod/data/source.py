@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from seod.files.damage import plain
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
@@ -26,8 +28,15 @@ BLOCK_ROWS = 65_536
 """Rows that are in memory at once while a file is read through."""
 
 
+_LONGEST = 500
+"""Characters of a message: what a damaged file holds may be long."""
+
+
 class ReadError(Exception):
     """A file cannot be read; the message names file, row and column as far as there are any."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(plain(message, _LONGEST))
 
 
 def place(path: Path | str, row: int | None = None, column: str = "") -> str:
@@ -114,15 +123,18 @@ class Source(Protocol):
         path: Its file.
         format: Name of the format.
         groups: All that can be read.
-        notes: What the file says about itself.
+        notes: What the file says about itself, as far as it was read.
         remarks: What was noticed so far; complete once all blocks were read.
     """
 
     path: Path
     format: str
     groups: tuple[Group, ...]
-    notes: Mapping[str, str]
     remarks: list[Remark]
+
+    @property
+    def notes(self) -> Mapping[str, str]:
+        """See above."""
 
     def blocks(self, wanted: Mapping[str, Sequence[str]]) -> Iterator[Block]:
         """Read through the file once.

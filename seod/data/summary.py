@@ -128,7 +128,7 @@ class GroupSummary:
         self.time = time or group.time or _guess(group)
         column = group.column(self.time or "")
         self._factor = KNOWN.get(column.unit, ("", 1.0))[1] if column else 1.0
-        self.clock = Clock(path, self.time or "")
+        self.clock = Clock(path, self.time or "", column is None or bool(column.unit))
         self.columns = [ColumnSummary(each, bins) for each in group.columns]
         self.count = 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from seod.config.units import BASE as OWN_BASE
 from seod.config.units import UNITS, ZEROS
 
 MORE: Final[dict[str, tuple[str, float]]] = {
@@ -16,8 +17,6 @@ MORE: Final[dict[str, tuple[str, float]]] = {
     "psi": ("pressure", 6894.757293168),
     "N": ("force", 1.0),
     "kN": ("force", 1e3),
-    "mA": ("current", 1e-3),
-    "A": ("current", 1.0),
     "%": ("number", 1e-2),
 }
 KNOWN: Final = UNITS | MORE
@@ -55,23 +54,7 @@ SPELLINGS: Final[dict[str, str]] = {
     "inch": "in",
 }
 
-BASE: Final[dict[str, str]] = {
-    "angle": "rad",
-    "length": "m",
-    "voltage": "V",
-    "time": "s",
-    "frequency": "Hz",
-    "pressure": "Pa",
-    "temperature": "K",
-    "angular speed": "rad/s",
-    "speed": "m/s",
-    "angular acceleration": "rad/s/s",
-    "acceleration": "m/s/s",
-    "slew rate": "V/s",
-    "force": "N",
-    "current": "A",
-    "number": "",
-}
+BASE: Final[dict[str, str]] = {**OWN_BASE, "force": "N"}
 """Dimension -> its SI base unit."""
 
 _IN_HEADER = re.compile(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.estimate.exact import ExactEstimator
-from seod.estimate.peaks import PeaksEstimator
-from seod.estimate.wave import WaveEstimator
+from seod.estimate.limit_cycle.exact import ExactEstimator
+from seod.estimate.limit_cycle.peaks import PeaksEstimator
+from seod.estimate.wave.estimator import WaveEstimator
 
 if TYPE_CHECKING:
     from collections.abc import Callable

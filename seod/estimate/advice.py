@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
-from seod.estimate.plant_response import Dynamics
+from seod.estimate.plant.free_motion import Dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -86,6 +86,7 @@ def of_estimate(estimate: Mapping[str, Any] | None) -> dict[str, float] | None:
         "delay": estimate.get("delay_s") or 0.0,
     }
     sd = {name: estimate.get(f"{name}_sd") or 0.0 for name in value}
+    sd["delay"] = estimate.get("delay_sd_s") or 0.0
     advice = advise(value, sd)
     return None if advice is None else as_json(advice)
 

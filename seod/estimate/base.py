@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seod.estimate.levels import Dependence
-
 
 class Row(NamedTuple):
     """One tick of one axis, in SI units of the axis (rad or m, V, s).
@@ -56,6 +54,20 @@ QUALITIES = (
 )
 
 
+class Dependence(NamedTuple):
+    """How an answer differs from that at another amplitude, as parts of the latter; None: certain in both."""
+
+    other_e_a: float
+    """[V]"""
+    zeta: float
+    omega_n: float
+    K_L: float | None
+    sds: float
+    """The most significant of these differences, in its standard deviations."""
+    matters: bool
+    """Whether one is significant and larger than allowed."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """One answer of an estimator. None means undefined; never nan.
@@ -75,6 +87,8 @@ class Estimate:
     K_L: float | None = None
     K_L_sd: float | None = None
     delay_s: float | None = None
+    delay_sd_s: float | None = None
+    """Standard deviation of `delay_s` where it is estimated [s]; 0: it is certain."""
     frequency: float | None = None
     amplitude: float | None = None
     asymmetry: float | None = None
@@ -137,7 +151,10 @@ class Estimator(Protocol):
         """Take one row; an estimate when a half cycle has just ended or the state of the answer changed."""
 
     def reset(self) -> None:
-        """Forget everything (fault, new excitation, changed settings)."""
+        """Forget the plant (fault, new excitation, changed settings)."""
+
+    def inherit(self, before: Estimator) -> None:
+        """Take over what an estimator of other settings has learnt of the rig itself."""
 
 
 def finite_or_none(x: float) -> float | None:

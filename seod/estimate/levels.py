@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
+
+from seod.estimate.base import Dependence
 
 if TYPE_CHECKING:
     from seod.estimate.base import Estimate
@@ -31,20 +33,6 @@ ADVICE: Final = (
     "at e_a = {other:g} V the answer is another (friction, deadband, hysteresis or pressure limit): "
     "state e_a with it, or find by `seod ramp` where it does not depend on it"
 )
-
-
-class Dependence(NamedTuple):
-    """How an answer differs from that at another amplitude, as parts of the latter; None: certain in both."""
-
-    other_e_a: float
-    """[V]"""
-    zeta: float
-    omega_n: float
-    K_L: float | None
-    sds: float
-    """The most significant of these differences, in its standard deviations."""
-    matters: bool
-    """Whether one is significant and larger than allowed."""
 
 
 @dataclass(frozen=True, slots=True)

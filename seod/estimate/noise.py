@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from seod.estimate.limit_cycle import Array
+    from seod.estimate.arrays import Array
 
 FAR = 6.0
 """Robust standard deviations beyond which a sample is none of the rest: one in 5e8 of normal noise."""

@@ -1,1 +1,1 @@
-"""The gateway process: takes the rows, estimates, streams, records and serves. Never holds up the loop."""
+"""The gateway process: serves the clients. Never holds up the loop."""

@@ -1,4 +1,4 @@
-"""Who hears what: topics, axes and rate limits. A message is encoded once, whoever gets it.
+"""Who hears what: subscriptions of clients to feeds. A message is encoded once, whoever gets it.
 
 A client that does not keep up loses messages and is told how many once it does; nobody waits for it.
 """
@@ -8,10 +8,12 @@ from __future__ import annotations
 from itertools import count
 from typing import TYPE_CHECKING, Any, Protocol
 
-from seod.protocol import notification
+from seod.protocol.jsonrpc import notification
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+
+    Key = tuple[str, frozenset[str], float]
 
 UNLIMITED = ("event", "health")
 """Topics that no rate limit thins out."""
@@ -20,7 +22,9 @@ UNLIMITED = ("event", "health")
 class Sink(Protocol):
     """A client's way out. `congested` while it has too much to read; then nothing may be written."""
 
-    congested: bool
+    @property
+    def congested(self) -> bool:
+        """Whether it does not keep up."""
 
     def write(self, data: bytes) -> None:
         """Send."""
@@ -33,16 +37,21 @@ class Outlet:
         self.sink = sink
         self.subscription = subscription
         self.topic = topic
+        self.channels: list[Channel] = []
         self.lost = 0
         self.lost_total = 0
 
     def offer(self, data: bytes, messages: int) -> None:
         """Send, or count as lost."""
         if self.sink.congested:
-            self.lost += messages
-            self.lost_total += messages
+            self.lose(messages)
         else:
             self.sink.write(data)
+
+    def lose(self, messages: int) -> None:
+        """So many did not come so far."""
+        self.lost += messages
+        self.lost_total += messages
 
     def report(self) -> None:
         """Tell the client what it lost since it was last told."""
@@ -53,46 +62,40 @@ class Outlet:
             self.sink.write(notification("lost", params))
 
 
-class Feed:
-    """One topic at one rate for some axes: all its outlets share the same bytes."""
+class Channel:
+    """One feed's way to its outlets, which share the same bytes."""
 
-    def __init__(self, topic: str, axes: frozenset[str], period_s: float) -> None:
-        self.topic = topic
-        self.axes = axes
-        self.period_s = period_s
-        self.outlets: list[Outlet] = []
-        self._due = 0.0
-        self._pending: list[bytes] = []
-
-    def wants(self, axis: str | None, t: float) -> bool:
-        """Whether a message of time `t` [s] passes; without an axis it concerns all."""
-        if axis is not None and axis not in self.axes:
-            return False
-        if self._due - self.period_s <= t < self._due:  # earlier still: time has jumped back
-            return False
-        on_grid = self._due + self.period_s
-        self._due = on_grid if t < on_grid else t + self.period_s
-        return True
-
-    def put(self, data: bytes) -> None:
-        """Queue for the next flush."""
-        self._pending.append(data)
+    def __init__(self, number: int, key: Key) -> None:
+        self.number = number
+        self.key = key
+        self.outlets: dict[Outlet, None] = {}
+        self.pending: list[bytes] = []
 
     def flush(self) -> None:
-        """Send what is queued, in one piece."""
-        if self._pending:
-            data = b"".join(self._pending)
-            for outlet in self.outlets:
-                outlet.offer(data, len(self._pending))
-            self._pending.clear()
+        """Hand on what is queued, in one piece."""
+        data, messages = b"".join(self.pending), len(self.pending)
+        self.pending.clear()
+        for outlet in self.outlets:
+            outlet.offer(data, messages)
+
+    def as_message(self, on: bool) -> dict[str, Any]:
+        """What the estimating process is told: that the feed begins, or ends."""
+        topic, axes, period_s = self.key
+        return {"feed": self.number, "on": on, "topic": topic, "axes": sorted(axes), "period_s": period_s}
 
 
 class Hub:
-    """All subscriptions of all clients."""
+    """All subscriptions of all clients.
 
-    def __init__(self) -> None:
-        self._numbers = count(1)
-        self._feeds: dict[tuple[str, frozenset[str], float], Feed] = {}
+    Args:
+        tell: Takes messages for the process that publishes.
+    """
+
+    def __init__(self, tell: Callable[[dict[str, Any]], None]) -> None:
+        self._tell = tell
+        self._numbers, self._channel_numbers = count(1), count(1)
+        self._channels: dict[Key, Channel] = {}
+        self._by_number: dict[int, Channel] = {}
         self._of_sink: dict[Sink, dict[int, list[Outlet]]] = {}
 
     def subscribe(self, sink: Sink, topics: Iterable[str], axes: Iterable[str], rate_hz: float | None) -> int:
@@ -101,18 +104,21 @@ class Hub:
         outlets = []
         for topic in sorted(set(topics)):
             outlet = Outlet(sink, number, topic)
-            for feed in self._feeds_for(topic, frozenset(axes), rate_hz):
-                feed.outlets.append(outlet)
+            for key in keys_of(topic, frozenset(axes), rate_hz):
+                channel = self._channel(key)
+                channel.outlets[outlet] = None
+                outlet.channels.append(channel)
             outlets.append(outlet)
         self._of_sink.setdefault(sink, {})[number] = outlets
         return number
 
-    def _feeds_for(self, topic: str, axes: frozenset[str], rate_hz: float | None) -> list[Feed]:
-        unlimited = topic in UNLIMITED or rate_hz is None
-        period_s = 0.0 if unlimited or rate_hz is None else 1.0 / rate_hz
-        groups = [axes] if topic in UNLIMITED else [frozenset([axis]) for axis in sorted(axes)]
-        keys = [(topic, group, period_s) for group in groups]
-        return [self._feeds.setdefault(key, Feed(*key)) for key in keys]
+    def _channel(self, key: Key) -> Channel:
+        channel = self._channels.get(key)
+        if channel is None:
+            channel = self._channels[key] = Channel(next(self._channel_numbers), key)
+            self._by_number[channel.number] = channel
+            self._tell(channel.as_message(on=True))
+        return channel
 
     def unsubscribe(self, sink: Sink, number: int) -> bool:
         """End one subscription; False if this client has no such one."""
@@ -126,31 +132,47 @@ class Hub:
             self._forget(outlets)
 
     def _forget(self, outlets: list[Outlet]) -> None:
-        for key, feed in list(self._feeds.items()):
-            feed.outlets = [each for each in feed.outlets if each not in outlets]
-            if not feed.outlets:
-                del self._feeds[key]
+        for outlet in outlets:
+            for channel in outlet.channels:
+                del channel.outlets[outlet]
+                if not channel.outlets:
+                    del self._channels[channel.key], self._by_number[channel.number]
+                    self._tell(channel.as_message(on=False))
 
     def numbers(self, sink: Sink) -> list[int]:
         """The subscriptions of a client."""
         return sorted(self._of_sink.get(sink, {}))
 
-    def wanted(self, topic: str, axis: str | None = None) -> bool:
+    def keys(self, sink: Sink) -> list[Key]:
+        """What the subscriptions of a client bring: topic, axes, least time between messages [s]."""
+        outlets = [outlet for each in self._of_sink.get(sink, {}).values() for outlet in each]
+        return [channel.key for outlet in outlets for channel in outlet.channels]
+
+    def wanted(self, topic: str) -> bool:
         """Whether anybody listens."""
-        return any(f.topic == topic and (axis is None or axis in f.axes) for f in self._feeds.values())
+        return any(key[0] == topic for key in self._channels)
 
-    def publish(self, topic: str, axis: str | None, t: float, params: Callable[[], dict[str, Any]]) -> None:
-        """Queue a message for those who want it; `params` is called at most once."""
-        data = None
-        for feed in self._feeds.values():
-            if feed.topic == topic and feed.wants(axis, t):
-                data = data or notification(topic, params())
-                feed.put(data)
+    def deliver(self, told: Iterable[tuple[list[int], str]]) -> None:
+        """Hand messages on: each with the numbers of the feeds that bring it, and its line."""
+        touched: dict[Channel, None] = {}
+        for numbers, text in told:
+            data = text.encode("ascii")
+            for number in numbers:
+                channel = self._by_number.get(number)
+                if channel is not None:
+                    channel.pending.append(data)
+                    touched[channel] = None
+        for channel in touched:
+            channel.flush()
 
-    def flush(self) -> None:
-        """Send everything queued."""
-        for feed in list(self._feeds.values()):
-            feed.flush()
+    def lose(self, dropped: Iterable[tuple[int, int]]) -> None:
+        """So many messages of a feed were never sent here: its number, and how many."""
+        for number, messages in dropped:
+            channel = self._by_number.get(number)
+            for outlet in channel.outlets if channel else ():
+                outlet.lose(messages)
+                if not outlet.sink.congested:
+                    outlet.report()
 
     def report(self, sink: Sink) -> None:
         """A client reads again: tell it what it lost."""
@@ -161,3 +183,11 @@ class Hub:
     def dropped(self, sink: Sink) -> int:
         """Messages that a client lost so far, over its present subscriptions."""
         return sum(o.lost_total for outlets in self._of_sink.get(sink, {}).values() for o in outlets)
+
+
+def keys_of(topic: str, axes: frozenset[str], rate_hz: float | None) -> list[Key]:
+    """The feeds that a subscription to a topic needs: one for each axis where a rate thins them out."""
+    if topic in UNLIMITED:
+        return [(topic, axes, 0.0)]
+    period_s = 0.0 if rate_hz is None else 1.0 / rate_hz
+    return [(topic, frozenset([axis]), period_s) for axis in sorted(axes)]

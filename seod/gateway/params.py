@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from seod.protocol import INVALID_PARAMS, RpcError, hint
+from seod.protocol.jsonrpc import INVALID_PARAMS, RpcError, hint
 
 TOPICS = ("estimate", "sample", "event", "health", "model_error")
 Topic = Literal["estimate", "sample", "event", "health", "model_error"]
@@ -114,4 +114,4 @@ def _sentence(error: dict[str, Any], model: type[Params]) -> str:
     if error["type"] == "extra_forbidden":
         return f"{name}: no such parameter{hint(name, model.model_fields) if model.model_fields else ''}"
     what = str(error["msg"]).removeprefix("Input ")
-    return f"{name}: {what}, got {repr(error['input'])[:40]}"
+    return f"{name}: {what}" + ("" if name == "token" else f", got {repr(error['input'])[:40]}")

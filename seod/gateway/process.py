@@ -1,63 +1,82 @@
-"""The gateway process: estimates, records and serves what the loop writes, at ordinary priority.
+"""The gateway process: serves clients, and nothing else, so that an e-stop never waits for a computation.
 
-It may be as slow as it likes: the loop never waits for it.
+What is to be known of the rig it asks of a process of its own, `seod.observe`, whose end is its end as well.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import gc
 import os
+import resource
 import signal
 import socket
+import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seod.config.model import RigConfig
-from seod.estimate import make_estimator
+from seod.gateway.desk import Desk
 from seod.gateway.hub import Hub
-from seod.gateway.recording import Recording
-from seod.gateway.rig import Rig
 from seod.gateway.server import Server, ServerError
 from seod.gateway.service import Service
-from seod.process import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
-from seod.record.opening import BusLogError, open_bus_log, open_recorder
-from seod.ring import Shared, Word
-from seod.settings import on_clock
+from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
+from seod.processes.link import Link
+from seod.processes.realtime import set_fifo
+from seod.processes.ring import Shared, Word
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
 POLL_S = 0.004
-"""How often rows and events are taken: a small part of the 2 s of rows that the ring holds."""
+"""How often it looks for what the loop says,"""
+BUSY_POLL_S = 0.001
+"""and while somebody waits for the loop's answer."""
+CLIENTS_S = 0.1
+"""How often the number of clients is told to who publishes it."""
+OBSERVER_HANG_S = 20.0
+"""The process that estimates hangs if it has not turned for this long; a disk may hold it up for seconds."""
+OBSERVER_END_S = 2.0
+"""How long it may take to end its recording; less than the gateway itself has."""
+PRIORITY = 1
+"""Under SCHED_FIFO: before all that is ordinary, so that an e-stop does not wait for it; behind the loop."""
+NICE = -10
+"""Where that is refused."""
 
 
 class GatewayError(Exception):
-    """The gateway cannot start; the message says why."""
+    """The gateway cannot start, or go on; the message says why."""
 
 
 class Gateway:
-    """Ties rig, server and supervisor together.
+    """Ties clients, loop, supervisor and the process that estimates together.
 
     Args:
         config: The rig file.
         shared: The memory shared with the loop.
         link: Socket to the supervisor.
+        observer: To the process that estimates.
         rig_file: The rig file; paths in it start from its folder.
-        record: File to record to, or None.
     """
 
     def __init__(
-        self, config: RigConfig, shared: Shared, link: socket.socket, rig_file: Path, record: Path | None
+        self, config: RigConfig, shared: Shared, link: socket.socket, observer: Link, rig_file: Path
     ) -> None:
-        self._link = link
+        self._link, self._observer = link, observer
+        self._words = shared.words
         self._ended = asyncio.Event()
-        hub = Hub()
-        recording = start_recording(record, config, rig_file)
-        clock = clock_of(config, shared)
-        self.rig = Rig(config, shared, hub, make_estimator, clock, self._restart_loop, recording)
-        self.server = Server(config.server, rig_file.parent, Service(config.server, self.rig, hub), hub)
-        self.rig.clients = self.server.clients
+        self._observer_ready = asyncio.Event()
+        self._observer_gone = asyncio.Event()
+        self._why = "the process that estimates has ended"
+        self.hub = Hub(observer.send)
+        self.desk = Desk(config, shared, observer, self.hub, self._restart_loop)
+        self.server = Server(
+            config.server, rig_file.parent, Service(config.server, self.desk, self.hub), self.hub
+        )
+        self.desk.clients = self.server.clients
 
     def end(self) -> None:
         """End `run`."""
@@ -68,27 +87,78 @@ class Gateway:
 
         Raises:
             ServerError: It cannot listen.
+            GatewayError: The process that estimates cannot start, has ended, or hangs.
         """
         loop = asyncio.get_running_loop()
+        loop.add_reader(self._observer.fileno(), self._hear_observer)
+        loop.add_reader(self._link, self._hear)
         try:
-            self.rig.poll()  # whoever connects finds what has been said already
-            port = await self.server.start()
-            loop.add_reader(self._link, self._hear)
-            send_json(self._link, {"gateway": "ready", "port": port})
-            while not self._ended.is_set():
-                self.rig.poll()
-                await asyncio.sleep(POLL_S)
+            await self._first_of(self._observer_ready)
+            if not self._ended.is_set():
+                port = await self.server.start()
+                send_json(self._link, {"gateway": "ready", "port": port})
+            await self._serve()
+        except (GatewayError, ServerError) as error:
+            send_json(self._link, {"gateway": "failed", "why": str(error)})  # while there is time to hear it
+            raise
         finally:
+            await self._end_observer()
             loop.remove_reader(self._link)
-            self.rig.close()
+            loop.remove_reader(self._observer.fileno())
+            self._observer.close()
             await self.server.close()
+
+    async def _serve(self) -> None:
+        """Until the end: each turn takes what the loop said, and is counted."""
+        beat, heard, told = -1, time.monotonic(), 0.0
+        while not self._ended.is_set() and not self._observer_gone.is_set():
+            self.desk.poll()
+            self._words[Word.GATEWAY_BEAT] += 1
+            now = time.monotonic()
+            if now - told > CLIENTS_S:
+                told = now
+                self.desk.tell_clients()
+            if self._words[Word.OBSERVER_BEAT] != beat:
+                beat, heard = self._words[Word.OBSERVER_BEAT], now
+            elif now - heard > OBSERVER_HANG_S:
+                raise GatewayError(f"the process that estimates hung: no turn for {OBSERVER_HANG_S:g} s")
+            await asyncio.sleep(BUSY_POLL_S if self.desk.mailbox.busy else POLL_S)
+        if not self._ended.is_set():
+            raise GatewayError(self._why)
+
+    async def _first_of(self, event: asyncio.Event) -> None:
+        """Wait for an event, or for the end of either side. The supervisor watches the time."""
+        waiting = [asyncio.ensure_future(e.wait()) for e in (event, self._ended, self._observer_gone)]
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        for each in waiting:
+            each.cancel()
+
+    async def _end_observer(self) -> None:
+        """Have the recording ended, and hand on what is still said."""
+        self._observer.send({"stop": True})
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(OBSERVER_END_S):
+                await self._observer_gone.wait()
+
+    def _hear_observer(self) -> None:
+        message = self._observer.receive()
+        if message is None:
+            return
+        if not message or message.get("observer") == "failed":
+            self._why = message.get("why", self._why)
+            asyncio.get_running_loop().remove_reader(self._observer.fileno())
+            self._observer_gone.set()
+        elif message.get("observer") == "ready":
+            self._observer_ready.set()
+        else:
+            self.desk.hear(message)
 
     def _hear(self) -> None:
         message: dict[str, Any] | None = receive_json(self._link)
         if message is None:
             return
         if message.get("loop") == "died":
-            self.rig.loop_died(message)
+            self.desk.loop_died(message)
         elif not message or message.get("stop"):
             asyncio.get_running_loop().remove_reader(self._link)
             self.end()
@@ -97,46 +167,46 @@ class Gateway:
         send_json(self._link, {"op": "restart_loop"})
 
 
-def start_recording(path: Path | None, config: RigConfig, rig_file: Path) -> Recording:
-    """Start recording to a file, if one is given, and logging the bus, if the rig file asks for it.
+def prepare() -> None:
+    """As many descriptors as the system allows, and what is loaded by now out of the collector's way."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    gc.collect()
+    gc.freeze()
 
-    Raises:
-        GatewayError: A file, or the bus, cannot be had.
-    """
+
+def go_before_others() -> None:
+    """Before all that is ordinary, where the system allows it; `Turns` bounds what that takes."""
+    if set_fifo(PRIORITY):
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICE)
+
+
+@contextlib.contextmanager
+def observing(arguments: ChildArguments) -> Iterator[tuple[Link, subprocess.Popen[bytes]]]:
+    """The process that estimates and records, as a child; killed if it does not end by itself."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    given = replace(arguments, supervisor_fd=theirs.fileno(), supervisor_pid=os.getpid())
+    fds = (given.config_fd, given.shared_fd, given.supervisor_fd)
+    with ours:
+        process = subprocess.Popen(given.command("seod.observe"), pass_fds=fds, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
+        theirs.close()
+        try:
+            yield Link(ours), process
+        finally:
+            end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """It was asked to end: a moment, then it is killed."""
     try:
-        bus_log = open_bus_log(config, rig_file.parent)
-    except BusLogError as error:
-        raise GatewayError(str(error)) from error
-    try:
-        recorder = None if path is None else open_recorder(path, config, text_of(rig_file, config))
-    except OSError as error:
-        Recording(bus_log=bus_log).close()
-        raise GatewayError(f"cannot record to {path}: {error.strerror or error}") from error
-    return Recording(recorder, bus_log)
+        process.wait(0.5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
-def text_of(rig_file: Path, config: RigConfig) -> str:
-    """The rig file; where it was taken away meanwhile, what was read of it."""
-    try:
-        return rig_file.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError):
-        return config.model_dump_json(indent=1)
-
-
-def clock_of(config: RigConfig, shared: Shared) -> Callable[[], float]:
-    """The clock of the rows: simulated and recorded time pass with the ticks, else it is CLOCK_MONOTONIC."""
-    if not on_clock(config):
-        return lambda: shared.floats[Word.TICK_TIME_D]
-    return time.monotonic
-
-
-def leave_realtime() -> None:
-    """Run at ordinary priority, whatever was inherited: the gateway must never hold up the loop."""
-    if os.sched_getscheduler(0) != os.SCHED_OTHER:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-
-
-async def serve(arguments: ChildArguments, link: socket.socket) -> None:
+async def serve(arguments: ChildArguments, link: socket.socket, observer: Link) -> None:
     """Map what was inherited, then run until the end.
 
     Raises:
@@ -144,11 +214,11 @@ async def serve(arguments: ChildArguments, link: socket.socket) -> None:
     """
     config = RigConfig.model_validate_json(read_memfd(arguments.config_fd))
     shared = Shared(arguments.axes, arguments.rows, arguments.shared_fd)
-    record = None if arguments.record is None else Path(arguments.record)
     try:
-        gateway = Gateway(config, shared, link, Path(arguments.config_path), record)
+        gateway = Gateway(config, shared, link, observer, Path(arguments.config_path))
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, gateway.end)
+        prepare()
         await gateway.run()
     finally:
         shared.close()
@@ -158,11 +228,10 @@ def main() -> int:
     """Entry point of the gateway process."""
     arguments = ChildArguments.from_argv()
     die_with_parent(arguments.supervisor_pid)
-    leave_realtime()
-    with socket.socket(fileno=arguments.supervisor_fd) as link:
+    with socket.socket(fileno=arguments.supervisor_fd) as link, observing(arguments) as (observer, child):
+        go_before_others()
         try:
-            asyncio.run(serve(arguments, link))
-        except (GatewayError, ServerError) as error:
-            send_json(link, {"gateway": "failed", "why": str(error)})
+            asyncio.run(serve(arguments, link, observer))
+        except (GatewayError, ServerError):
             return 1
-    return 0
+    return int(arguments.record is not None and child.returncode != 0)  # its recording lacks rows, or its end

@@ -4,20 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import os
+import socket
 import ssl
 from typing import TYPE_CHECKING, Any
 
-from seod.gateway.connection import AUTHENTICATE_S, Connection
-from seod.protocol import NO_ANSWER, TOO_MANY_CLIENTS, RpcError
+from seod.config.tokens import RIGHTS, is_filled, located
+from seod.gateway.connection import Connection
+from seod.gateway.lobby import AUTHENTICATE_S, Lobby
+from seod.gateway.turns import Turns
+from seod.protocol.jsonrpc import NO_ANSWER, RpcError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.config.model import ServerConfig, TlsConfig
-    from seod.gateway.hub import Hub
+    from seod.gateway.hub import Hub, Sink
     from seod.gateway.service import Service
 
 GOODBYE_S = 0.5
+ACCEPTED_A_TURN = 16
+"""Connections that are taken before others get their turn; each takes 0.1 ms."""
+LISTEN_BACKLOG = 1024
+"""Connections that the kernel keeps meanwhile."""
 
 
 class ServerError(Exception):
@@ -38,8 +47,12 @@ class Server:
         self.config = config
         self.service = service
         self.hub = hub
+        self.turns = Turns()
         self._base = base
         self._connections: set[Connection] = set()
+        self._lobby = Lobby(config.max_clients)
+        if service is not None:
+            service.overtake = self.overtake
         self._server: asyncio.Server | None = None
         self._ending = False
 
@@ -56,34 +69,46 @@ class Server:
         loop = asyncio.get_running_loop()
         try:
             self._server = await loop.create_server(
-                lambda: Connection(self), host, port, ssl=context, ssl_handshake_timeout=timeout
+                lambda: Connection(self),
+                host,
+                port,
+                ssl=context,
+                ssl_handshake_timeout=timeout,
+                backlog=ACCEPTED_A_TURN,
             )
         except OSError as error:
             what = f"cannot listen on {host} port {port}: {error.strerror or error}"
             raise ServerError(f"{what}; another daemon may have it: choose another server.port") from error
+        for each in self._server.sockets:
+            listen_on(each.fileno(), LISTEN_BACKLOG)
         number: int = self._server.sockets[0].getsockname()[1]
         return number
 
     def admit(self, connection: Connection) -> RpcError | None:
-        """Take one more connection; or the reason why not."""
-        most = self.config.max_clients
+        """Take one more connection; or the reason why not. Who may do nothing yet waits in the lobby."""
         if self._ending:
             return RpcError(NO_ANSWER, "the daemon is ending")
-        if len(self._connections) >= most:
-            why = f"too many clients: server.max_clients is {most}; close one, or raise it in the rig file"
-            return RpcError(TOO_MANY_CLIENTS, why)
         self._connections.add(connection)
+        self._lobby.enter(connection)
         return None
 
     def forget(self, connection: Connection) -> None:
         """A connection has ended."""
         self._connections.discard(connection)
+        self._lobby.leave(connection)
         self.hub.drop(connection)
+        self.service.gone(connection.session, connection.name)
+
+    def overtake(self, by: Sink) -> None:
+        """An e-stop came: what any client asked before, and has not begun, is not carried out."""
+        for connection in self._connections:
+            connection.overtake(by)
 
     def clients(self) -> dict[str, Any]:
         """For `health`: how many there are, and which have lost messages."""
-        dropped = {each.name: self.hub.dropped(each) for each in self._connections}
-        return {"connected": len(dropped), "dropped": {name: lost for name, lost in dropped.items() if lost}}
+        dropped = {each.name: lost for each in self._connections if (lost := self.hub.dropped(each))}
+        waiting = {"waiting": len(self._lobby), "turned_away": self._lobby.turned_away}
+        return {"connected": len(self._lobby.seated), **waiting, "dropped": dropped}
 
     async def close(self) -> None:
         """Stop listening; give clients a moment to read the rest."""
@@ -106,6 +131,12 @@ class Server:
         await self._server.wait_closed()
 
 
+def listen_on(fd: int, backlog: int) -> None:
+    """Let the kernel keep more connections than are taken in one turn, which asyncio has by one number."""
+    with socket.socket(fileno=os.dup(fd)) as listening:
+        listening.listen(backlog)
+
+
 def is_loopback(host: str) -> bool:
     """Whether only this machine can reach an address."""
     try:
@@ -115,11 +146,16 @@ def is_loopback(host: str) -> bool:
 
 
 def check_safe(config: ServerConfig) -> None:
-    """Beyond loopback there must be TLS and a token.
+    """Beyond loopback there must be TLS and a token, and tokens that were asked for must have come here.
 
     Raises:
-        ServerError: There is not.
+        ServerError: There is not, or they have not.
     """
+    for right in RIGHTS:
+        token = getattr(config, right)
+        asked = getattr(config, f"{right}_file") is not None
+        if (token is None and asked) or (token is not None and is_filled(token.get_secret_value())):
+            raise ServerError(f"server.{right}: the token itself did not come with the configuration")
     if is_loopback(config.host):
         return
     missing = [] if config.tls else ["server.tls"]
@@ -137,9 +173,12 @@ def tls_context(config: TlsConfig, base: Path) -> ssl.SSLContext:
         ServerError: They cannot be.
     """
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    certificate, key = located(config.certificate, base), located(config.key, base)
+    if certificate is None or key is None:
+        what = f"{config.certificate} and {config.key}: credentials are there only in the systemd unit"
+        raise ServerError(f"server.tls: {what}")
     try:
-        context.load_cert_chain(base / config.certificate, base / config.key)
+        context.load_cert_chain(certificate, key)
     except OSError as error:  # ssl.SSLError is one
-        files = f"{base / config.certificate} and {base / config.key}"
-        raise ServerError(f"server.tls: cannot use {files}: {error}") from error
+        raise ServerError(f"server.tls: cannot use {certificate} and {key}: {error}") from error
     return context

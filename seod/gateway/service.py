@@ -6,8 +6,10 @@ import hmac
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from seod.estimate import TABLE
-from seod.gateway.estimation import LOOP_SETTINGS
+from seod.config.model import METHODS
+from seod.config.settings import LOOP_SETTINGS, refusal
+from seod.gateway.hub import keys_of
+from seod.gateway.mailbox import OVERTAKEN
 from seod.gateway.params import (
     TOPICS,
     AuthenticateParams,
@@ -20,21 +22,43 @@ from seod.gateway.params import (
     UnsubscribeParams,
     read_params,
 )
-from seod.protocol import BUSY, INVALID_PARAMS, UNAUTHORISED, Refusal, Request, RpcError, hint, unknown_method
-from seod.ring import bin_edges_us
-from seod.settings import refusal
+from seod.processes.ring import bin_edges_us
+from seod.protocol.jsonrpc import (
+    BUSY,
+    INVALID_PARAMS,
+    REFUSED,
+    TOO_MANY_CLIENTS,
+    UNAUTHORISED,
+    Call,
+    JsonText,
+    Refusal,
+    Request,
+    RpcError,
+    hint,
+    unknown_method,
+)
 
 if TYPE_CHECKING:
+    import asyncio
     from collections.abc import Awaitable, Callable
 
-    from seod.config.model import ServerConfig
-    from seod.gateway.estimation import Axis
-    from seod.gateway.hub import Hub, Sink
-    from seod.gateway.rig import Rig
+    from pydantic import SecretStr
 
-Result = dict[str, Any]
+    from seod.config.model import ServerConfig
+    from seod.gateway.desk import Axis, Desk
+    from seod.gateway.hub import Hub, Key, Sink
+
+Result = dict[str, Any] | JsonText
 Right = Literal["none", "read", "command"]
 MAX_SUBSCRIPTIONS = 16
+RATES_HZ = {"estimate": 100.0, "model_error": 10.0, "event": 10.0, "health": 1.0}
+"""About what a topic brings of an axis at most; samples come at the loop's rate."""
+MOST = 2.0
+"""Messages for one client, over all samples of the rig: twice what a program needs that listens to all,"""
+SLOW_TOPICS_HZ = 2000.0
+"""and so many more, for all other topics."""
+WITHOUT_SEAT = ("authenticate", "estop")
+"""Methods for clients beyond `server.max_clients` as well."""
 
 
 @dataclass(eq=False, slots=True)
@@ -45,6 +69,10 @@ class Session:
     may_read: bool
     may_command: bool
     wrong_tokens: int = 0
+    holds: bool = False
+    """It has called keepalive."""
+    take_seat: Callable[[], bool] = lambda: True
+    """Whether it is one of `server.max_clients`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +87,17 @@ class Method:
 class Service:
     """Answers requests about one rig."""
 
-    def __init__(self, config: ServerConfig, rig: Rig, hub: Hub) -> None:
+    def __init__(self, config: ServerConfig, rig: Desk, hub: Hub) -> None:
         self._config = config
         self._rig = rig
         self._hub = hub
+        self._holders: set[int] = set()
+        self.overtake: Callable[[Sink], None] = lambda _: None
+        """Called at an e-stop by a client, to refuse what waits; the server sets it."""
         self.methods: dict[str, Method] = {
-            "info": Method("read", Params, lambda *_: rig.info()),
+            "info": Method("read", Params, lambda *_: rig.ask("info")),
             "list": Method("read", Params, self._list),
-            "status": Method("read", Params, lambda *_: rig.status()),
+            "status": Method("read", Params, lambda *_: rig.ask("status")),
             "get": Method("read", AxisParams, self._get),
             "subscribe": Method("read", SubscribeParams, self._subscribe),
             "unsubscribe": Method("read", UnsubscribeParams, self._unsubscribe),
@@ -75,9 +106,9 @@ class Service:
             "drive": Method("command", DriveParams, self._drive),
             "start": Method("command", AxisParams, self._command("start")),
             "stop": Method("command", AxisParams, self._command("stop")),
-            "estop": Method("command", EstopParams, self._command("estop")),
+            "estop": Method("command", EstopParams, self._estop),
             "reset": Method("command", AxisParams, self._reset),
-            "keepalive": Method("command", Params, self._command("keepalive")),
+            "keepalive": Method("command", Params, self._keepalive),
         }
 
     def session(self, sink: Sink) -> Session:
@@ -89,10 +120,26 @@ class Service:
         """Whether clients must authenticate."""
         return self._config.read_token is not None or self._config.command_token is not None
 
-    def takes_time(self, request: Request | Refusal) -> bool:
-        """Whether the answer to a request has to be waited for."""
-        method = self.methods.get(request.method) if isinstance(request, Request) else None
-        return method is not None and method.right == "command"
+    def right_of(self, call: Call) -> Right:
+        """The right that a call needs; `none` for what is answered at once."""
+        methods = [self.methods.get(each.method) for each in call.requests if isinstance(each, Request)]
+        rights = {method.right for method in methods if method is not None}
+        if "command" in rights:
+            return "command"
+        return "read" if "read" in rights or call.batch else "none"
+
+    def overtaken(self, call: Call) -> list[Refusal]:
+        """What the sender of a call is told that an e-stop has overtaken."""
+        error = RpcError(REFUSED, OVERTAKEN)
+        answered = [each for each in call.requests if isinstance(each, Refusal) or each.answered]
+        return [Refusal(each.id, error) for each in answered]
+
+    def gone(self, session: Session, name: str) -> None:
+        """A client has ended; the last one that held the rig lets it go."""
+        if session.holds:
+            self._holders.discard(id(session))
+            if not self._holders:
+                self._rig.mailbox.send("let_go", None, {"client": name})
 
     def call(self, session: Session, request: Request) -> Result | Awaitable[Result]:
         """Carry out a request; commands to the loop take time.
@@ -104,6 +151,9 @@ class Service:
         if method is None:
             raise unknown_method(request.method, self.methods)
         self._check_right(session, method.right)
+        if request.method not in WITHOUT_SEAT and not session.take_seat():
+            most = f"server.max_clients is {self._config.max_clients}"
+            raise RpcError(TOO_MANY_CLIENTS, f"too many clients: {most}; only an e-stop is carried out")
         return method.call(session, read_params(method.params, request.params))
 
     def _check_right(self, session: Session, right: Right) -> None:
@@ -124,12 +174,15 @@ class Service:
             raise RpcError(UNAUTHORISED, "wrong token")
         session.may_read |= command or read
         session.may_command |= command
+        session.take_seat()
         return {"read": session.may_read, "command": session.may_command}
 
     @staticmethod
-    def _is_token(given: str, right: str | None) -> bool:
+    def _is_token(given: str, right: SecretStr | None) -> bool:
         # surrogates come through JSON but not through UTF-8; compared in constant time
-        return right is not None and hmac.compare_digest(given.encode(errors="replace"), right.encode())
+        if right is None:
+            return False
+        return hmac.compare_digest(given.encode(errors="replace"), right.get_secret_value().encode())
 
     def _axis(self, name: str | None) -> Axis:
         axes = self._rig.axes
@@ -153,15 +206,31 @@ class Service:
             "histogram_edges_us": bin_edges_us(),
         }
 
-    def _get(self, _: Session, params: AxisParams) -> Result:
-        return self._rig.whole(self._axis(params.axis))
+    def _get(self, _: Session, params: AxisParams) -> Awaitable[Result]:
+        return self._rig.ask("get", self._axis(params.axis).name)
 
     def _subscribe(self, session: Session, params: SubscribeParams) -> Result:
         axes = [self._axis(name).name for name in params.axes or self._rig.axes]
         if len(self._hub.numbers(session.sink)) >= MAX_SUBSCRIPTIONS:
             raise RpcError(BUSY, f"{MAX_SUBSCRIPTIONS} subscriptions are the most for one client")
+        self._check_work(session, params, frozenset(axes))
         number = self._hub.subscribe(session.sink, params.topics, axes, params.rate_hz)
         return {"subscription": number}
+
+    def _check_work(self, session: Session, params: SubscribeParams, axes: frozenset[str]) -> None:
+        """Hold what a client has subscribed to, and wants to, against what one may cost."""
+        new = [key for topic in set(params.topics) for key in keys_of(topic, axes, params.rate_hz)]
+        asked = sum(map(self._rate_of, [*self._hub.keys(session.sink), *new]))
+        most = MOST * self._rate_of(("sample", frozenset(self._rig.axes), 0.0)) + SLOW_TOPICS_HZ
+        if asked > most:
+            what = f"rate_hz: this client would get {asked:.0f} messages a second"
+            raise RpcError(BUSY, f"{what}; {most:.0f} are the most for one")
+
+    def _rate_of(self, key: Key) -> float:
+        """About how many messages a second a feed brings at most."""
+        topic, axes, period_s = key
+        rate_hz = RATES_HZ.get(topic, self._rig.config.loop.rate_hz)
+        return len(axes) * (min(rate_hz, 1.0 / period_s) if period_s else rate_hz)
 
     def _unsubscribe(self, session: Session, params: UnsubscribeParams) -> Result:
         if not self._hub.unsubscribe(session.sink, params.subscription):
@@ -175,6 +244,21 @@ class Service:
             return self._carry_out(op, self._index(getattr(params, "axis", None)))
 
         return begin
+
+    def _estop(self, session: Session, _: Params) -> Awaitable[Result]:
+        """Stop before anything else is done; only the answer is waited for."""
+        estop = self._rig.mailbox.estop()
+        self.overtake(session.sink)
+        return self._stopped(estop)
+
+    async def _stopped(self, estop: asyncio.Future[None]) -> Result:
+        await self._rig.mailbox.stopped(estop)
+        return {"ok": True}
+
+    def _keepalive(self, session: Session, _: Params) -> Awaitable[Result]:
+        session.holds = True
+        self._holders.add(id(session))
+        return self._carry_out("keepalive", None)
 
     async def _carry_out(self, op: str, axis: int | None, values: dict[str, Any] | None = None) -> Result:
         await self._rig.mailbox.post(op, axis, values)
@@ -217,7 +301,10 @@ def check_drive(axis: Axis, params: DriveParams) -> None:
     limits = axis.config.limits
     volts, most = abs(params.volts) + abs(axis.settings["bias"]), limits.output
     if volts > most:
-        what = f"|volts| + |bias| = {volts:g} V is over limits.output = {most:g} V of axis {axis.name}"
+        unit = axis.config.command_unit
+        what = (
+            f"|volts| + |bias| = {volts:g} {unit} is over limits.output = {most:g} {unit} of axis {axis.name}"
+        )
         raise RpcError(INVALID_PARAMS, f"volts: {what}")
     if params.duration > limits.excitation:
         what = f"must be at most limits.excitation = {limits.excitation:g} s of axis {axis.name}"
@@ -237,5 +324,5 @@ def check_settings(axis: Axis, values: dict[str, Any]) -> None:
     if why is not None:
         raise RpcError(INVALID_PARAMS, f"{why} of axis {axis.name}")
     given = values.get("method", axis.settings["method"])[:40]
-    if given not in TABLE:
-        raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, TABLE)}")
+    if given not in METHODS:
+        raise RpcError(INVALID_PARAMS, f"method: no estimator {given!r}{hint(given, METHODS)}")

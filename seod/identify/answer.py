@@ -13,7 +13,7 @@ from seod.identify.agree import disagreement
 from seod.identify.alternatives import WITHOUT_DELAY, Alternative, alternatives, in_words
 from seod.identify.fit import Fit, fit
 from seod.identify.problem import NAMES, Given
-from seod.identify.words import correlations, quality, tied, unsure
+from seod.identify.words import correlations, early, quality, tied, unsure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -97,6 +97,7 @@ def identify(records: Sequence[Record], K_L: float | None = None, delay: float |
     told = best if simplest is None else simplest
     cannot_tell = [in_words(each, best) for each in others] or [*unsure(best), *tied(best)]
     word, message = quality(records, told, bool(others), differ)
+    cannot_tell += [sentence for sentence in early(told) if sentence != message]
     value = told.value | {"K_L": abs(told.value["K_L"])}
     return Result(
         fit=told,

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.estimate.limit_cycle import Array
-    from seod.estimate.plant_response import Dynamics
+    from seod.estimate.arrays import Array
+    from seod.estimate.plant.free_motion import Dynamics
 
 Hold = Literal["zero", "first"]
 """A voltage that holds until the next, or one that runs straight on to it."""

@@ -16,8 +16,8 @@ from seod.identify.spread import WHITE, correlation_time, covariance
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.estimate.limit_cycle import Array
-    from seod.estimate.plant_response import Dynamics
+    from seod.estimate.arrays import Array
+    from seod.estimate.plant.free_motion import Dynamics
     from seod.identify.record import Record
 
 _ROUGH: Final = 10_000

@@ -20,12 +20,14 @@ from seod.identify.problem import NAMES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from seod.estimate.arrays import Array
     from seod.estimate.base import Estimate, Row
-    from seod.estimate.limit_cycle import Array
     from seod.identify.record import Record
 
 CYCLES: Final = 6
 """Window where no rig file tells it."""
+LARGEST_SHARE: Final = 0.9999
+"""Of a variance that may be common to all windows: the rest weighs them."""
 _ROUNDING: Final = 1e-9
 
 
@@ -93,19 +95,47 @@ def _apart(good: Sequence[Estimate], cycles: int) -> list[Estimate]:
 
 
 def _mean(apart: Sequence[Estimate], known: Beforehand) -> tuple[dict[str, float], dict[str, float]]:
-    """Weighted means; standard deviations that hold their scatter, too."""
+    """Weighted means; standard deviations that hold their scatter, too, and what all windows share."""
     is_wave = apart[0].method == "wave"
     pairs = {
-        "omega_n": _weighted([(each.omega_n, each.omega_n_sd) for each in apart]),
-        "zeta": _weighted([(each.zeta, each.zeta_sd) for each in apart]),
+        "omega_n": _of_windows(apart, "omega_n", known),
+        "zeta": _of_windows(apart, "zeta", known),
         "delay": (known.delay, 0.0),
         "K_L": (fmean(each.K_L or known.K_L for each in apart), 0.0),
     }
     if is_wave and known.delay_sd > 0.0:
-        pairs["delay"] = _weighted([(each.delay_s, None) for each in apart])
+        alone = _weighted([(each.delay_s, each.delay_sd_s) for each in apart])
+        newest = apart[0].delay_s or 0.0, apart[0].delay_sd_s or 0.0
+        pairs["delay"] = newest if math.isfinite(known.delay_sd) else alone
     if is_wave and known.K_L_sd > 0.0:
         pairs["K_L"] = _weighted([(each.K_L, each.K_L_sd) for each in apart])
     return {name: pair[0] for name, pair in pairs.items()}, {name: pair[1] for name, pair in pairs.items()}
+
+
+def _of_windows(apart: Sequence[Estimate], name: str, known: Beforehand) -> tuple[float, float]:
+    """Mean and standard deviation of omega_n or zeta; nan for a method that states none.
+
+    Where the delay is known somewhat, or learnt by window after window, its error is the same in all: it does
+    not average out.
+    """
+    values = [getattr(each, name) for each in apart]
+    sds = [getattr(each, f"{name}_sd") for each in apart]
+    if None in sds:
+        return fmean(values), math.nan
+    shares = [_shared(each, name, known) for each in apart]
+    own = [sd * math.sqrt(1.0 - share) for sd, share in zip(sds, shares, strict=True)]
+    mean, scatter = _weighted(list(zip(values, own, strict=True)))
+    common = min(sd * math.sqrt(share) for sd, share in zip(sds, shares, strict=True))
+    return mean, math.hypot(scatter, common)
+
+
+def _shared(answer: Estimate, name: str, known: Beforehand) -> float:
+    """Part of a variance that is what K_L or the delay are known to beforehand."""
+    free = [key for key in ("K_L", "delay") if 0.0 < getattr(known, f"{key}_sd") < math.inf]
+    if answer.method != "wave":
+        return LARGEST_SHARE if free else 0.0
+    told = answer.correlation or {}
+    return min(sum(told.get(f"{name},{key}", 0.0) ** 2 for key in free), LARGEST_SHARE)
 
 
 def _weighted(column: Sequence[tuple[float | None, float | None]]) -> tuple[float, float]:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.estimate.plant_response import Dynamics
+from seod.estimate.plant.free_motion import Dynamics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.estimate.limit_cycle import Array
+    from seod.estimate.arrays import Array
     from seod.identify.record import Record
 
 NAMES: Final = ("omega_n", "zeta", "delay", "K_L")

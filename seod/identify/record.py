@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from seod.data.problems import clipped
-from seod.estimate.plant_response import free_motion
+from seod.estimate.plant.free_motion import free_motion
 from seod.identify.drive import Drive
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.estimate.limit_cycle import Array
-    from seod.estimate.plant_response import Dynamics
+    from seod.estimate.arrays import Array
+    from seod.estimate.plant.free_motion import Dynamics
     from seod.identify.drive import Hold
 
 Output = Literal["position", "velocity"]

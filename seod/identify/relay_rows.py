@@ -10,7 +10,7 @@ import numpy as np
 from seod.data.open import open_source
 from seod.estimate.base import Row
 from seod.identify.record import IdentifyError
-from seod.ring import FLAG_EXCITING, FLAG_SATURATED, FLAG_SECOND_PHASE
+from seod.processes.ring import FLAG_EXCITING, FLAG_SATURATED, FLAG_SECOND_PHASE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seod.data import Recording
-    from seod.estimate.limit_cycle import Array
+    from seod.estimate.arrays import Array
     from seod.identify.record import Output
 
 _TOLD: Final = ("reference", "e_a", "bias", "signal", "flags")

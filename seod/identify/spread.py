@@ -11,7 +11,7 @@ from scipy.fft import next_fast_len
 from seod.estimate.noise import Noise, memory
 
 if TYPE_CHECKING:
-    from seod.estimate.limit_cycle import Array
+    from seod.estimate.arrays import Array
     from seod.identify.problem import Problem
 
 WHITE: Final = 2.0

@@ -26,6 +26,10 @@ _EARLY: Final = (
     "the delay is negative: as of a valve with a dead band, of times that are late, or of a command that "
     "runs straight on between samples (--hold first)"
 )
+_LATE: Final = (
+    "the delay is below zero by no more than it is uncertain: as of none, of y that comes late, or of u "
+    "that moves earlier than its times say"
+)
 _TIED: Final = 0.98
 """Correlation from which on two values are told only together."""
 _UNITS: Final = {"omega_n": "rad/s", "zeta": "", "delay": "s", "K_L": "unit/s/V"}
@@ -50,6 +54,14 @@ def quality(
         ("noisy", bool(rough), "; ".join(rough)),
     )
     return next(((word, why) for word, applies, why in words if applies), ("ok", None))
+
+
+def early(told: Fit) -> list[str]:
+    """What a delay below zero means, in a sentence; none where it is not below zero."""
+    delay, sd = told.value["delay"], told.sd["delay"]
+    if not delay < 0.0:
+        return []
+    return [_EARLY if delay < -_FAR * sd else _LATE]
 
 
 def _is_finite(told: Fit) -> bool:

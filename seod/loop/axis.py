@@ -6,8 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.base import NO_SAMPLE, Sample
+from seod.config.gain_in_force import is_identified
+from seod.config.settings import configured, refusal
 from seod.config.units import UNITS
-from seod.gain import is_identified
 from seod.loop import events
 from seod.loop.conditions import Conditions
 from seod.loop.course import Course, Push
@@ -16,8 +17,15 @@ from seod.loop.position import PositionMode
 from seod.loop.sensor import make_sensor
 from seod.loop.tones import Tones, read_tones
 from seod.loop.velocity import VelocityMode
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, FLAG_LIMITED, FLAG_SATURATED, FLAG_SECOND_PHASE, AxisState
-from seod.settings import configured, refusal
+from seod.processes.ring import (
+    FLAG_EXCITING,
+    FLAG_FOREIGN,
+    FLAG_FRESH,
+    FLAG_LIMITED,
+    FLAG_SATURATED,
+    FLAG_SECOND_PHASE,
+    AxisState,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -66,6 +74,8 @@ class Axis:
         self.y = self.filtered = math.nan
         self.trip: Trip | None = None
         """What this tick's command found wrong."""
+        self.foreign = False
+        """Somebody else commanded the rig shortly before."""
 
     def sense(self, sample: Sample) -> None:
         """Take the newest sample: scale to SI, low-pass of section 2.3(2)."""
@@ -108,9 +118,9 @@ class Axis:
         With `stay` it is held where the drive has brought it. `tones`, [Hz, V, rad] each, take the place of
         the steady voltage, clipped at `volts`.
         """
-        limits = self.config.limits
+        limits, unit = self.config.limits, self.config.command_unit
         if not math.isfinite(volts) or abs(volts) + abs(self.settings["bias"]) > limits.output:
-            return f"{self.name}: |volts| + |bias| must be at most limits.output = {limits.output:g} V"
+            return f"{self.name}: |volts| + |bias| must be at most limits.output = {limits.output:g} {unit}"
         if not 0.0 < duration <= limits.excitation:
             longest = f"limits.excitation = {limits.excitation:g} s"
             return f"{self.name}: duration must be > 0 and at most {longest}"
@@ -147,7 +157,7 @@ class Axis:
         self.course.fault(t, trip.why)
 
     def change(self, t: float, values: dict[str, float]) -> str | None:
-        """Set what `seod.settings` tells; takes effect at once and without a jump. Returns why not."""
+        """Set what `seod.config.settings` tells; takes effect at once and without a jump. Returns why not."""
         why = refusal(self.config, self.settings, values)
         if why is not None:
             return f"{self.name}: {why}"
@@ -172,7 +182,9 @@ class Axis:
         mode.advance(t, self.conditions.K_L, relay)
         u = course.controller.step(t, mode.error if relay is None else mode.signal) + mode.bias
         if not math.isfinite(u):
-            self.trip = Trip("non_finite", f"{self.name}: the controller asked for {u} V")
+            self.trip = Trip(
+                "non_finite", f"{self.name}: the controller asked for {u} {self.config.command_unit}"
+            )
             return 0.0
         self.trip = course.advance(t, self.y)
         return u
@@ -187,6 +199,7 @@ class Axis:
             + FLAG_LIMITED * (asked != passed)
             + FLAG_SATURATED * self.sensor.saturated
             + FLAG_SECOND_PHASE * (exciting and course.relay is not None and course.relay.second)
+            + FLAG_FOREIGN * self.foreign
         )
 
     def amplitude(self, t: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.gain import gain_of, gain_range, needs_pressure
+from seod.config.gain_in_force import gain_of, gain_range, needs_pressure
 from seod.loop.sensor import make_sensor
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from seod.loop.excite import Coast, Controller, Drive, PolarityPulse
 from seod.loop.guard import Trip
 from seod.loop.tones import Tone, Tones
 from seod.loop.two_phase import TwoPhaseRelay, TwoPhases
-from seod.ring import AxisState
+from seod.processes.ring import AxisState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,7 +93,15 @@ class Course:
         if not self.polarity_known:
             pulse = self.config.polarity
             height = pulse.pulse or self.settings["e_a"]
-            self.controller = PolarityPulse(t, height, pulse.duration, pulse.movement)
+            self.controller = PolarityPulse(
+                t,
+                height,
+                pulse.duration,
+                pulse.movement,
+                lambda: self.mode.t_sample,
+                self.config.output,
+                self.config.command_unit,
+            )
         elif self.mode.approaches:
             self._begin_hold(t)
         else:
@@ -204,7 +212,11 @@ class Course:
             what = f"{len(push.tones)} tones"
         else:
             self.controller = Drive(end, push.volts)
-        self._become(AxisState.EXCITING, t, f"{what}: {push.volts:g} V for {push.duration:g} s")
+        self._become(
+            AxisState.EXCITING,
+            t,
+            f"{what}: {push.volts:g} {self.config.command_unit} for {push.duration:g} s",
+        )
 
     def _return(self, t: float, why: str) -> None:
         self._begin_hold(t)

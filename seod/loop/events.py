@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from seod.loop.excite import PolarityResult
     from seod.loop.guard import Trip
-    from seod.ring import AxisState
+    from seod.processes.ring import AxisState
 
 Event = dict[str, Any]
 
@@ -37,6 +37,11 @@ def two_phase(t: float, axis: str, phase: Mapping[str, float] | None, code: str,
 def warning(t: float, axis: str | None, code: str, why: str) -> Event:
     """Something that does not stop the axis, or where `axis` is None the rig."""
     return {"event": "warning", "t": t, "axis": axis, "code": code, "why": why}
+
+
+def reply(number: int, error: str | None) -> Event:
+    """What became of the command with this number; `error` is why it was not done."""
+    return {"event": "reply", "id": number, "ok": error is None, "error": error}
 
 
 def fault(t: float, axis: str | None, latched: Sequence[str], trip: Trip) -> Event:

@@ -9,15 +9,29 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from seod.loop.motion import SpeedMeter, SwingMeter
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from drivers.base import Sample
     from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
     from seod.loop.sensor import Sensor
+    from seod.loop.validity import Gate
+
+SUPERVISOR_SILENT_S = 0.18
+"""A supervisor without a turn for this long stands still, or for `loop.hang_timeout` if that is longer.
+
+Told within 200 ms; a virtual machine whose processor was taken from it for 100 ms has time enough.
+"""
+
+JUMP_OF_TRAVEL = 0.1
+"""A step between two samples of more than this part of the travel is told as a jump. Chosen."""
+FLIP_LIKENESS = 0.1
+"""Readings whose sum is at most this part of their difference have one size and opposite signs. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +68,8 @@ class AxisGuard:
         """Half the peak-to-peak movement over about the last second [unit of the position]."""
         self.sensor: Sensor | None = None
         """What the axis measures with, where it can be in trouble."""
+        self.gates: Sequence[Gate] = ()
+        """What may keep its samples from it."""
         self.moved_at = -math.inf
         self.last_y = math.nan
         self.last_u = 0.0
@@ -70,6 +86,7 @@ class AxisGuard:
     def begin(self) -> None:
         """The axis is about to move: what it did while nobody looked says nothing about its speed."""
         self.speed.points.clear()
+        self.last_y = math.nan
 
     def inspect(
         self, t: float, sample: Sample, y: float, swing: float | None, exciting: bool, growth_counts: bool
@@ -84,12 +101,10 @@ class AxisGuard:
             exciting: The relay is on: the sensor must move.
             growth_counts: The relay has been at its amplitude long enough for growth to mean something.
         """
-        return (
-            self.ready(t, sample, y)
-            or self._speed(sample, y)
-            or self._amplitude(t, swing, growth_counts)
-            or self._frozen(t, y, exciting)
-        )
+        trip = self.ready(t, sample, y) or self._speed(sample, y)
+        if trip is not None:
+            return self._with_jump(trip, y)
+        return self._amplitude(t, swing, growth_counts) or self._frozen(t, y, exciting)
 
     def pass_command(self, t: float, u: float) -> float:
         """Clip a command to output and slew limits [V]; `u` must be finite."""
@@ -109,11 +124,13 @@ class AxisGuard:
         age = t - sample.t
         if age <= self.guard.stale:
             return None
+        invalid = [gate.why for gate in self.gates if gate.why]
         heard = f"{age * 1e3:.1f} ms old" if math.isfinite(age) else "never heard of"
+        newest = "newest valid sample" if invalid else "newest sample"
+        limit = f"guard.stale is {self.guard.stale * 1e3:.1f} ms"
         return Trip(
             "stale_sample",
-            f"{self.name}: the sensor's newest sample is {heard}; guard.stale is "
-            f"{self.guard.stale * 1e3:.1f} ms",
+            "; ".join([f"{self.name}: the sensor's {newest} is {heard}", *invalid, limit]),
             {"age_s": age if math.isfinite(age) else -1.0, "limit_s": self.guard.stale},
         )
 
@@ -149,6 +166,17 @@ class AxisGuard:
             f"{self.name}: speed {speed:.4g} is over limits.speed {most:.4g}",
             {"speed": speed, "limit": most},
         )
+
+    def _with_jump(self, trip: Trip, y: float) -> Trip:
+        """A trip, with what a step from the sample before looks like where no actuator moves so."""
+        last, (low, high) = self.last_y, self.limits.travel
+        jumped = abs(y - last) > JUMP_OF_TRAVEL * (high - low)
+        if not jumped or trip.code not in ("travel", "speed"):
+            return trip
+        flipped = abs(y + last) <= FLIP_LIKENESS * abs(y - last)
+        guess = "its sign may have flipped" if flipped else "the sensor may be at fault"
+        went = f"the reading went from {last:.3g} to {y:.3g} between two samples"
+        return replace(trip, why=f"{trip.why}: {went}; {guess}")
 
     def _amplitude(self, t: float, y: float | None, growth_counts: bool) -> Trip | None:
         if y is None:
@@ -213,6 +241,40 @@ class OverrunGuard:
         )
 
 
+class SupervisorGuard:
+    """Trips when the supervisor stands still: nobody would put the rig to neutral if the loop died now.
+
+    Its silence is counted in ticks and not on the clock: a machine that was paused has paused both.
+
+    Args:
+        period: Of a tick [s]; inf where ticks follow no clock, and nothing is watched.
+        hang_timeout: Silence of the loop that counts as a hang [s]: so much the supervisor may have too.
+    """
+
+    def __init__(self, period: float, hang_timeout: float = 0.0) -> None:
+        self.period = period
+        self.limit_s = max(SUPERVISOR_SILENT_S, hang_timeout)
+        self.limit = math.ceil(self.limit_s / period) if period < math.inf else math.inf
+        self.beats = 0
+        self.silent = 0
+
+    def inspect(self, beats: int) -> Trip | None:
+        """Note the supervisor's count of turns (0: there is none); a trip while it has not moved for long."""
+        if beats != self.beats or beats == 0:
+            self.beats, self.silent = beats, 0
+            return None
+        self.silent += 1
+        if self.silent < self.limit:
+            return None
+        still = self.silent * self.period
+        return Trip(
+            "supervisor",
+            f"the supervisor process has stood still for {still * 1e3:.0f} ms (stopped, or held up): "
+            "nothing would stop the rig if the loop died; have it run again, then reset",
+            {"still_s": still, "limit_s": self.limit_s},
+        )
+
+
 def hung(lateness: float, limit: float) -> Trip | None:
     """A loop that slept through `limit` [s] (stopped and woken) must not act on the old world."""
     if lateness <= limit:
@@ -224,16 +286,57 @@ def hung(lateness: float, limit: float) -> Trip | None:
     )
 
 
-def estop_open(config: EstopConfig, t: float, sample: Sample, stale: float) -> Trip | None:
-    """The e-stop line must be heard of and must allow movement."""
-    if t - sample.t > stale:
-        return Trip("estop", f"the e-stop channel {config.channel} is silent")
-    if sample.value == config.run:
+def estop_open(lines: Sequence[tuple[EstopConfig, Sample]], t: float, stale: float) -> Trip | None:
+    """Every e-stop line must be heard of and must allow movement; those that do not are named.
+
+    Args:
+        lines: Each with its newest sample.
+        t: Tick time [s].
+        stale: Oldest sample that counts [s].
+    """
+    stopping = [(line, sample) for line, sample in lines if sample.value != line.run or t - sample.t > stale]
+    if not stopping:
         return None
+    line, sample = stopping[0]
     return Trip(
         "estop",
-        f"e-stop: {config.channel} reads {sample.value:g}, movement is allowed at {config.run:g}",
-        {"value": sample.value if math.isfinite(sample.value) else -1.0, "run": config.run},
+        "e-stop: "
+        + "; ".join(_estop_text(line, t - sample.t, sample.value, stale) for line, sample in stopping),
+        {
+            "value": sample.value if math.isfinite(sample.value) else -1.0,
+            "run": line.run,
+            "age_s": t - sample.t if math.isfinite(sample.t) else -1.0,
+            "limit_s": stale,
+        },
+    )
+
+
+def _estop_text(line: EstopConfig, age: float, value: float, stale: float) -> str:
+    if math.isinf(age):
+        return f"the channel {line.channel} was never heard of"
+    if age > stale:
+        silent = f"the channel {line.channel} has been silent for {age * 1e3:.1f} ms"
+        return f"{silent} (guard.stale is {stale * 1e3:.1f} ms)"
+    return f"{line.channel} reads {value:g}, movement is allowed at {line.run:g}"
+
+
+def silent(samples: Sequence[Sample], t: float, stale: float) -> Trip | None:
+    """Nothing at all has come from the rig: it is no channel's own silence, least of all an e-stop's.
+
+    Args:
+        samples: The newest of each channel.
+        t: Tick time [s].
+        stale: Oldest sample that counts [s].
+    """
+    age = t - max([sample.t for sample in samples])
+    if age <= stale:
+        return None
+    heard = f"for {age * 1e3:.1f} ms" if math.isfinite(age) else "since the start"
+    return Trip(
+        "silent",
+        f"nothing has come from the rig {heard} (guard.stale is {stale * 1e3:.1f} ms): "
+        "is it switched on, and does the line hold?",
+        {"age_s": age if math.isfinite(age) else -1.0, "limit_s": stale},
     )
 
 

@@ -6,18 +6,18 @@ import math
 from bisect import bisect_left
 from typing import TYPE_CHECKING
 
-from seod.ring import Word, bin_edges_us
+from seod.processes.ring import Word, bin_edges_us
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.base import Driver, Sample
     from seod.loop.pacer import Pacer
-    from seod.ring import Shared
+    from seod.processes.ring import Shared
 
 EDGES_US = tuple(bin_edges_us())
 COUNTERS_EVERY = 50
-"""Ticks between copies of the driver's counters into the shared memory."""
+"""Ticks between copies of the driver's counters and stamp errors into the shared memory."""
 
 
 class TickMeter:
@@ -34,6 +34,7 @@ class TickMeter:
         self.driver = driver
         self.period = period
         self.lateness_max = self.execution_max = self.age_max = 0.0
+        self.publish_stamp_error()
 
     def note(self, t: float, pacer: Pacer, samples: Sequence[Sample]) -> None:
         """Account for the tick that began at `t` [s] and has just ended."""
@@ -55,13 +56,19 @@ class TickMeter:
             shared.words[Word.OVERRUNS] += 1
         if shared.words[Word.TICKS] % COUNTERS_EVERY == 0:
             self.publish_counters()
+            self.publish_stamp_error()
 
     def publish_counters(self) -> None:
         """Copy the driver's counters."""
         for index, value in enumerate(self.driver.counters):
             self.shared.counters[index] = value
 
+    def publish_stamp_error(self) -> None:
+        """Tell how far the samples' times may be off."""
+        floats = self.shared.floats
+        floats[Word.STAMP_COMMON_D], floats[Word.STAMP_SCATTER_D] = self.driver.stamp_error()
+
 
 def histogram_bin(seconds: float) -> int:
-    """Index of the bin for a time [s]; bins as in `seod.ring.bin_edges_us`."""
+    """Index of the bin for a time [s]; bins as in `seod.processes.ring.bin_edges_us`."""
     return bisect_left(EDGES_US, seconds * 1e6)

@@ -17,6 +17,8 @@ class Mode(Protocol):
     """The axis has to be brought to where it oscillates."""
     reference: float
     """Set point in force [unit of the sensor]."""
+    t_sample: float
+    """Time of the newest sample [s]."""
     bias: float
     """Voltage behind the relay [V]."""
 

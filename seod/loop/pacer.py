@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Protocol
 
-from seod.ring import Word
+from seod.processes.ring import Word
 
 if TYPE_CHECKING:
     from drivers.base import Driver
-    from seod.ring import Shared
+    from seod.processes.ring import Shared
 
 
 class Pacer(Protocol):

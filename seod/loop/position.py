@@ -51,7 +51,7 @@ class PositionMode:
         self.settings = settings
         self.reference = 0.0
         self.bias = settings["bias"]
-        self.y = self.filtered = math.nan
+        self.y = self.filtered = self.t_sample = math.nan
         self.K_L = math.nan
         self.settling = Settling(config.hold.timeout)
 
@@ -71,9 +71,9 @@ class PositionMode:
         """Oscillate about where it stands."""
         self.reference = self.filtered = y
 
-    def sense(self, t: float, y: float, filtered: float) -> None:  # noqa: ARG002 - a mode's form
+    def sense(self, t: float, y: float, filtered: float) -> None:
         """Take a sample."""
-        self.y, self.filtered = y, filtered
+        self.t_sample, self.y, self.filtered = t, y, filtered
 
     def hold(self, t: float, rest: bool) -> Controller:  # noqa: ARG002 - reference and rest are one
         """Proportional control back to the reference."""

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, cast
 
 from drivers import driver_class
 from drivers.base import Driver, DriverError
+from seod.config.channels import input_channels, neutral_values, output_channels
 from seod.config.model import RigConfig
 from seod.config.truth import truth
 from seod.loop import events
-from seod.loop.channels import input_channels
-from seod.loop.guard import Trip
 from seod.loop.pacer import Pacer, SensorPacer, SimulatedPacer, TimerPacer
 from seod.loop.tick import Loop
-from seod.process import ChildArguments, die_with_parent, read_memfd, send_json
-from seod.realtime import enter_realtime
-from seod.ring import AxisState, Shared
+from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, send_json
+from seod.processes.realtime import enter_realtime
+from seod.processes.ring import AxisState, Shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,8 +32,7 @@ def make_driver(config: RigConfig, clock: Callable[[], float]) -> Driver:
     """
     kind = driver_class(config.driver["kind"])
     driver = kind(kind.Options.model_validate(config.driver), clock)
-    outputs = [config.outputs[axis.output] for axis in config.axes.values()]
-    driver.open(input_channels(config), [output.channel for output in outputs], [o.offset for o in outputs])
+    driver.open(input_channels(config), output_channels(config), neutral_values(config))
     driver.start()
     return driver
 
@@ -61,7 +59,7 @@ def main() -> int:
         send_json(link, {"loop": "failed", "why": str(error)})
         return 1
     send_json(link, {"loop": "open", "recipe": dict(driver.neutral_recipe())})
-    if config.driver["kind"] == "replay":
+    if driver.acts_on == "recording":
         return replay(config, driver, shared, arguments.generation, link)
     refused = enter_realtime(config.loop.priority, config.loop.cpu)
     if config.loop.pace == "sensor" and not isinstance(pacer, SimulatedPacer):
@@ -92,17 +90,17 @@ def replay(config: RigConfig, driver: Driver, shared: Shared, generation: int, l
 
 
 def install_signals(loop: Loop) -> None:
-    """SIGTERM ends the loop, SIGUSR1 says that the gateway died. Both take effect at the next tick."""
+    """SIGTERM ends the loop, SIGUSR1 says that the gateway is lost. Both take effect at the next tick."""
 
     def end(*_: object) -> None:
         loop.ending = True
 
-    def gateway_died(*_: object) -> None:
-        loop.pending = Trip("gateway_died", "the gateway process died: nobody could stop the rig over TCP")
+    def gateway_lost(*_: object) -> None:
+        loop.gateway_lost = True
 
     signal.signal(signal.SIGTERM, end)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGUSR1, gateway_died)
+    signal.signal(signal.SIGUSR1, gateway_lost)
 
 
 def announce(loop: Loop, refused: list[str]) -> None:
@@ -117,6 +115,7 @@ def announce(loop: Loop, refused: list[str]) -> None:
             "simulated": config.simulation is not None,
             "truth": truth(config),
             "counters": list(loop.driver.counter_names),
+            "untold_delay_s": loop.driver.untold_delay(loop.period),
         }
     )
     for axis in loop.axes:

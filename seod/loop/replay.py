@@ -10,7 +10,8 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from drivers.base import DriverError
-from seod.ring import Word
+from seod.loop import events
+from seod.processes.ring import Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from drivers.replay import ReplayDriver
     from seod.config.model import RigConfig
-    from seod.ring import Shared
+    from seod.processes.ring import Shared
 
 SLICE_S = 0.02
 """Longest sleep between looks at commands [s]."""
@@ -152,8 +153,8 @@ class Replay:
 
     def _obey(self) -> None:
         """Answer commands: what ends a movement is done already, what would begin one cannot be done."""
+        words = self._shared.words
+        words[Word.ESTOPS_OBEYED] = words[Word.ESTOPS]
         for message in self._shared.commands.take():
             error = "this is a recording: nothing can be moved" if message["op"] in REFUSED else None
-            self._shared.events.put(
-                {"event": "reply", "id": message["id"], "ok": error is None, "error": error}
-            )
+            self._shared.events.put(events.reply(message["id"], error))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.ring import AXIS_FIELDS, Word
+from seod.processes.ring import Column, Word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.loop.axis import Axis
-    from seod.ring import Shared
+    from seod.processes.ring import Shared
 
-AXIS_VALUES = len(AXIS_FIELDS) + 2
-T_U = 1 + AXIS_FIELDS.index("t_u")
+T_U = 1 + Column.T_U
+"""Of the first axis, behind the tick's time."""
 
 
 class RowLog:
@@ -53,15 +53,15 @@ class RowLog:
         """Publish the kept row.
 
         Args:
-            left: When each axis' command really left, as the hardware confirmed it [s]; nan where it has not
-                yet, empty where it cannot tell.
+            left: When each axis' command, and each signal after them, really left, as the hardware confirmed
+                it [s]; nan where it has not yet, empty where it cannot tell.
         """
         values = self.values
         if not values:
             return
-        for axis, t in enumerate(left):
+        for axis, t in zip(range(len(self.axes)), left, strict=False):  # of the other signals nobody asks
             if t >= values[0]:  # a confirmation of an older command says nothing of this one
-                values[T_U + axis * AXIS_VALUES] = t
+                values[T_U + axis * Column.COUNT] = t
         ring = self.shared.row_ring
         self.shared.row_struct.pack_into(ring.data, ring.next_offset(), self.tick, *values)
         ring.commit()

@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+from seod.config.linkage_angle import Linkage, make_linkage
 from seod.config.sensors import (
     AbsoluteEncoderConfig,
     FvConverterConfig,
@@ -17,7 +18,6 @@ from seod.config.sensors import (
     LinearScaleConfig,
 )
 from seod.config.units import UNITS, to_si
-from seod.linkage import Linkage, make_linkage
 
 if TYPE_CHECKING:
     from seod.config.sensors import SensorConfig

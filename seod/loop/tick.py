@@ -7,17 +7,24 @@ from __future__ import annotations
 
 import math
 import os
+import time
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from seod.config.channels import condition_channels, input_channels
 from seod.config.sensors import index_channel
+from seod.config.settings import on_clock
 from seod.loop import events, guard
 from seod.loop.axis import Axis
-from seod.loop.channels import condition_channels, input_channels
 from seod.loop.guard import Trip
 from seod.loop.meter import TickMeter
 from seod.loop.rowlog import RowLog
+from seod.loop.signals import Signals
 from seod.loop.turns import Turns
-from seod.ring import AxisState, Word
+from seod.loop.validity import make_gates, pass_valid
+from seod.processes.ring import AxisState, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,10 +32,19 @@ if TYPE_CHECKING:
     from drivers.base import Driver, Sample
     from seod.config.model import RigConfig
     from seod.loop.pacer import Pacer
-    from seod.ring import Shared
+    from seod.processes.ring import Shared
 
 FENCED = 3
 """Exit code of a loop that found itself fenced."""
+UNHEARD = ("stale_sample", "estop", "silent")
+"""Codes of trips that a channel without new samples may have."""
+FOREIGN_S = 2.0
+"""So long after a command of somebody else the rig may still move by it; it is told once in this time."""
+FINAL_NEUTRALS, FINAL_S = 5, 0.02
+"""At its end the loop repeats neutral so often at least, and for so long [s]."""
+COMMANDS_A_TICK = 4
+"""Most commands carried out in one tick: a flood of them, 20 us each, must not make it late."""
+OVERTAKEN = "an e-stop came after it: nothing that was asked before is carried out"
 
 
 class Loop:
@@ -72,11 +88,21 @@ class Loop:
             for axis in self.axes
             if (channel := index_channel(config.sensors[axis.config.sensor])) is not None
         ]
-        estop = config.guard.estop
-        self.estop_index = None if estop is None else channels.index(estop.channel)
+        self.estop_lines = [(line, channels.index(line.channel)) for line in config.guard.estops]
+        self.gates = make_gates(config, channels)
+        for axis, index in zip(self.axes, self.sensor_of, strict=True):
+            axis.guard.gates = [gate for gate in self.gates if gate.index == index]
+        self.signals = Signals(config, self.axes)
         self.overruns = guard.OverrunGuard(config.guard.overruns.count, config.guard.overruns.window)
+        clocked = on_clock(config)
+        self.supervisor = guard.SupervisorGuard(
+            self.period if clocked else math.inf, config.loop.hang_timeout
+        )
+        self.pause = self.period if clocked else 0.0
+        self.foreign, self.foreign_until = 0, -math.inf
         self.keepalive = -math.inf
         self.pending: Trip | None = None
+        self.gateway_lost = False
         self.trouble = ""
         self.samples: Sequence[Sample] = ()
         self.turns = Turns(config.excitation.turn)
@@ -85,6 +111,7 @@ class Loop:
         self.in_force = pacer.now(), [0.0] * len(self.axes)
         self.ending = False
         shared.commands.skip_to_head()
+        self.estops = shared.words[Word.ESTOPS_OBEYED] = shared.words[Word.ESTOPS]
         shared.words[Word.GENERATION] = generation
 
     def run(self) -> None:
@@ -104,7 +131,8 @@ class Loop:
 
     def tick(self, t: float) -> None:
         """Read, sense, obey, guard, command, guard, write, log: at time `t` [s]."""
-        self.samples = self.driver.read(t)
+        samples = self.driver.read(t)
+        self.samples = pass_valid(self.gates, t, samples) if self.gates else samples
         self.log.flush(self.driver.left())
         for sensor, index in self.marks:
             sensor.mark(self.samples[index].value)
@@ -127,7 +155,14 @@ class Loop:
             self.fault(t, trip)
         for axis in self.axes:
             if axis.course.active and (trip := axis.inspect(t)) is not None:
-                self.fault(t, trip, axis)
+                self.fault(t, self.explained(trip, [self.sensor_of[self.axes.index(axis)]]), axis)
+
+    def explained(self, trip: Trip, places: Sequence[int]) -> Trip:
+        """A trip for channels that are silent, with what the driver knows of the frames at these places."""
+        if trip.code not in UNHEARD:
+            return trip
+        whys = dict.fromkeys(filter(None, map(self.driver.why_old, places)))
+        return replace(trip, why="; ".join([trip.why, *whys]))
 
     def inspect_rig(self, t: float) -> Trip | None:
         """What concerns all axes."""
@@ -135,6 +170,11 @@ class Loop:
         late = self.overruns.inspect(t, self.pacer.lateness, self.period)
         if self.driver.trouble != self.trouble:
             self.note_trouble(t)
+        if self.driver.foreign_commands != self.foreign or self.axes[0].foreign:
+            trip = trip or self.note_foreign(t)
+        if self.driver.remarks:
+            self.tell_remarks(t)
+        trip = trip or self.supervisor.inspect(self.shared.words[Word.BEATS])
         if trip is not None or not [axis for axis in self.axes if axis.course.active]:
             return trip
         return (
@@ -162,6 +202,8 @@ class Loop:
                 moving, volt = True, axis.guard.pass_command(t, u)
             volts.append(volt)
             raw.append(axis.raw_neutral + axis.raw_per_volt * volt)
+        if self.signals.present:
+            raw += self.signals.values()
         left = self.driver.write(t, raw) if moving else self.driver.neutral(t)
         self.shared.words[Word.COMMANDS_SENT] = self.driver.commands_sent
         if not math.isnan(left):  # else nothing left, and the command before is still in force
@@ -170,11 +212,36 @@ class Loop:
 
     def obey(self, t: float) -> None:
         """Carry out the commands that came through the mailbox, and answer each."""
+        if self.shared.words[Word.ESTOPS] != self.estops:
+            self.obey_estop()
+        if self.gateway_lost:
+            self.go_on_alone(t)
+        for message in islice(self.shared.commands.take(), COMMANDS_A_TICK):
+            self.shared.events.put(events.reply(message["id"], self.carry_out(t, message)))
+
+    def obey_estop(self) -> None:
+        """Stop in this tick, and carry out none of the commands that were there before the e-stop."""
+        self.estops = self.shared.words[Word.ESTOPS]
+        self.pending = Trip("estop", "e-stop by a client")
         for message in self.shared.commands.take():
-            error = self.carry_out(t, message)
-            self.shared.events.put(
-                {"event": "reply", "id": message["id"], "ok": error is None, "error": error}
-            )
+            self.shared.events.put(events.reply(message["id"], OVERTAKEN))
+        self.shared.words[Word.ESTOPS_OBEYED] = self.estops
+
+    def go_on_alone(self, t: float) -> None:
+        """The gateway is gone: nobody can stop the rig over TCP any more."""
+        self.gateway_lost = False
+        why = "the gateway process died or hung: nobody could stop the rig over TCP"
+        if self.config.guard.gateway_lost == "stop":
+            self.pending = Trip("gateway_died", why)
+            return
+        for axis in self.axes:
+            axis.course.stop(t, why)
+        self.shared.events.put(events.warning(t, None, "gateway_died", why))
+
+    def let_go(self, client: str) -> None:
+        """The last client that called keepalive is gone: there is nobody to wait for."""
+        if self.config.guard.dead_man is not None and any(axis.course.active for axis in self.axes):
+            self.pending = Trip("dead_man", f"the client that held the rig by keepalive is gone: {client}")
 
     def carry_out(self, t: float, message: dict[str, Any]) -> str | None:
         """One command; returns why it was not done."""
@@ -182,8 +249,8 @@ class Loop:
         op = message["op"]
         if op == "keepalive":
             self.keepalive = t
-        elif op == "estop":
-            self.pending = Trip("estop", "e-stop by a client")
+        elif op == "let_go":
+            self.let_go(message["values"]["client"])
         elif op == "start":
             in_turn = message["axis"] is None and self.config.excitation.order == "in_turn"
             return self.start(t, chosen, in_turn)
@@ -247,11 +314,15 @@ class Loop:
             each.fault(t, trip)
 
     def estop(self, t: float) -> Trip | None:
-        """Why the e-stop line does not allow movement."""
-        config = self.config.guard.estop
-        if config is None or self.estop_index is None:
+        """Why the e-stop lines do not allow movement; where all is silent, that is the reason told."""
+        stale = self.config.guard.stale
+        lines = [(line, self.samples[index]) for line, index in self.estop_lines]
+        trip = guard.estop_open(lines, t, stale)
+        if trip is None:
             return None
-        return guard.estop_open(config, t, self.samples[self.estop_index], self.config.guard.stale)
+        trip = guard.silent(self.samples, t, stale) or trip
+        old = [place for place, sample in enumerate(self.samples) if t - sample.t > stale]
+        return self.explained(trip, old)
 
     def note_trouble(self, t: float) -> None:
         """Tell when the rig goes out of reach and when it returns."""
@@ -260,10 +331,42 @@ class Loop:
         self.shared.events.put(events.warning(t, None, "link", why))
 
     def finish(self) -> None:
-        """Neutral, last row, close."""
+        """Neutral, last row, neutral again, close."""
+        self.write_neutral()
+        self.log.flush(())
+        self.repeat_neutral()
+        self.meter.publish_counters()
+        self.driver.close()
+
+    def note_foreign(self, t: float) -> Trip | None:
+        """Somebody else commands the rig, or just did: a fault, or a warning if the rig file says so."""
+        came, self.foreign = self.driver.foreign_commands - self.foreign, self.driver.foreign_commands
+        if came and self.config.guard.foreign_command == "fault":
+            return Trip("foreign_command", self.driver.tell_foreign(), {"commands": float(came)})
+        if came and t > self.foreign_until:
+            self.shared.events.put(events.warning(t, None, "foreign_command", self.driver.tell_foreign()))
+        if came:
+            self.foreign_until = t + FOREIGN_S
+        for axis in self.axes:
+            axis.foreign = t <= self.foreign_until
+        return None
+
+    def tell_remarks(self, t: float) -> None:
+        """Pass on what the driver found."""
+        for code, why in self.driver.remarks:
+            self.shared.events.put(events.warning(t, None, code, why))
+        self.driver.remarks.clear()
+
+    def write_neutral(self) -> None:
+        """Neutral, whatever the axes ask for."""
         if self.shared.words[Word.FENCE] >= self.generation:
             self.on_fence()
         self.driver.neutral(self.pacer.now())
-        self.log.flush(())
-        self.meter.publish_counters()
-        self.driver.close()
+
+    def repeat_neutral(self) -> None:
+        """Neutral for a moment more: a frame can be lost, and a killed supervisor writes none after us."""
+        for _ in range(max(FINAL_NEUTRALS, math.ceil(FINAL_S / self.period))):
+            time.sleep(self.pause)
+            with suppress(Exception):  # the driver may be what failed
+                self.driver.read(self.pacer.now())
+            self.write_neutral()

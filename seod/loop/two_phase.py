@@ -1,8 +1,8 @@
 """Two-phase excitation: some cycles as they are, as many with each switch late, and so on.
 
 One phase cannot tell gain from damping, for both set the amplitude; another frequency can. How late, the
-gateway chooses from its first estimate (`seod.estimate.second_phase`), and it foretells how far the axis will
-swing; where it swings farther the first phase is back before any limit is reached.
+gateway chooses from its first estimate (`seod.estimate.two_phase.second_phase`), and it foretells how far the
+axis will swing; where it swings farther the first phase is back before any limit is reached.
 """
 
 from __future__ import annotations

@@ -185,13 +185,17 @@ class VelocityMode:
             self.trim = max(-most, min(most, self.trim + step))
 
     def _tell_stuck(self, relay: Relay) -> None:
-        e_a = relay.sign * self.settings["e_a"]
-        what = f"the oscillation has stopped: the relay stands at {e_a:+.3g} V, the speed at {self.y:.4g}"
+        e_a, unit = relay.sign * self.settings["e_a"], self.config.command_unit
+        what = (
+            f"the oscillation has stopped: the relay stands at {e_a:+.3g} {unit}, the speed at {self.y:.4g}"
+        )
         advice = "the bias is wrong by e_a or more: correct K_L (supply pressure) or relay.bias, or raise e_a"
         trimming = "; the trim follows" if self.settings["trim"] else ", or let it be trimmed"
         self._warn_once("bias", f"{what} of {self.reference:.4g}; {advice}{trimming}")
         if self.settings["trim"] and abs(self.trim) >= self.settings["e_a"]:
-            self._warn_once("trim", f"the trim has reached its bound {self.trim:+.3g} V; {what}; {advice}")
+            self._warn_once(
+                "trim", f"the trim has reached its bound {self.trim:+.3g} {unit}; {what}; {advice}"
+            )
 
     def _warn_once(self, code: str, why: str) -> None:
         if code not in self.warned:

@@ -8,6 +8,7 @@ listen. The format follows the file's suffix: .blf, .asc, .log (candump), .mf4 .
 
 from __future__ import annotations
 
+import os
 import queue
 import sys
 import threading
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from seod.record.opening import BusLogError
+from seod.files.user_files import BUS_LOG_ENDINGS, create_recording, keep_earlier
+from seod.record.errors import BusLogError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +33,6 @@ LATE_S = 1.0
 """How long frames that wait at the end are still written [s]; then the file is ended without the rest."""
 CLOSE_S = 5.0
 """How long the end of the daemon waits for the file [s]."""
-SUFFIXES = (".asc", ".blf", ".csv", ".log", ".mf4", ".trc")
 
 
 class BusLog:
@@ -161,11 +162,13 @@ def _listen(options: CanOptions) -> can.BusABC:
 
 
 def _logger(path: Path) -> can.Listener:
-    if path.suffix.lower() not in SUFFIXES:
-        raise BusLogError(f"record.bus_log: {path}: no such format; expected one of {', '.join(SUFFIXES)}")
+    if path.suffix.lower() not in BUS_LOG_ENDINGS:
+        raise BusLogError(
+            f"record.bus_log: {path}: no such format; expected one of {', '.join(BUS_LOG_ENDINGS)}"
+        )
     try:
-        if path.is_file() and path.stat().st_size:
-            path.replace(path.with_name(path.name + "~"))
+        keep_earlier(path)
+        os.close(create_recording(path))
         return can.Logger(path)
     except (ImportError, NotImplementedError) as error:  # asammdf, for MF4 alone
         raise BusLogError(f"record.bus_log: {path}: needs asammdf: pip install 'seod[mdf]'") from error

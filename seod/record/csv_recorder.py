@@ -2,9 +2,9 @@
 
 One header line, then one line a tick. For each axis: `t` [s] when `y` was sampled, `y` [axis unit], `u` [V],
 `t_u` [s] when `u` left, `reference`, `e_a` [V], `bias` [V], `signal` (the relay's input), `ps` [Pa],
-`temperature` [K], `K_L` in force, `state`, `flags` (`seod.ring.FLAG_*`). With several axes each column
-carries its axis: `motor.t`, `motor.y`, ..., so that `--columns t=motor.t,y=motor.y,u=motor.u` selects
-one. `tick` counts ticks; `t_tick` [s] is when they began.
+`temperature` [K], `K_L` in force, `state`, `flags` (`FLAG_*` of `seod.processes.ring`). With several axes
+each column carries its axis: `motor.t`, `motor.y`, ..., so that `--columns t=motor.t,y=motor.y,u=motor.u`
+selects one. `tick` counts ticks; `t_tick` [s] is when they began.
 
 A tick without a new sample has an empty `y`, and as `t` when the sample would have been taken. Numbers have
 all their digits; what is undefined is empty.
@@ -17,16 +17,18 @@ import os
 import queue
 import stat
 import threading
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
+from seod.files.user_files import create_recording, keep_earlier
+from seod.processes.ring import AXIS_FIELDS, FLAG_FRESH, AxisState, Column
+from seod.record.disk import FULL, missing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    import numpy as np
     from numpy.typing import NDArray
 
 COLUMNS = (
@@ -45,7 +47,6 @@ COLUMNS = (
     "flags",
 )
 _ORDER = [AXIS_FIELDS.index(name) for name in COLUMNS[1:-2]]
-_T, _Y = AXIS_FIELDS.index("t"), AXIS_FIELDS.index("y")
 _STATES = {int(state): state.name.lower() for state in AxisState}
 
 BATCH_S = 0.2
@@ -53,6 +54,10 @@ BATCH_S = 0.2
 WAITING_ROWS = 100_000
 """Rows that may wait for a slow disk; further ones are dropped and counted."""
 CLOSE_S = 2.0
+RETRY_S = 1.0
+"""How often a disk that failed is tried again [s]."""
+_PIECE_ROWS = 500
+"""Rows that are written whole or not at all."""
 
 
 def header(axes: Sequence[str]) -> str:
@@ -78,7 +83,7 @@ class CsvLines:
 
     def _cells(self, index: int, t_tick: float, axis: tuple[Any, ...]) -> str:
         *_, state, flags = axis
-        t, values = axis[_T], [axis[column] for column in _ORDER]
+        t, values = axis[Column.T], [axis[column] for column in _ORDER]
         if flags & FLAG_FRESH:
             self._last[index] = (t, t_tick)
         else:
@@ -98,9 +103,8 @@ class CsvFile:
     """
 
     def __init__(self, path: Path) -> None:
-        if path.is_file() and path.stat().st_size:
-            path.replace(path.with_name(path.name + "~"))
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        keep_earlier(path)
+        self._fd = create_recording(path)
         self._regular = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._size = 0
 
@@ -143,6 +147,7 @@ class CsvRecorder:
         self._file = CsvFile(path)
         self._file.write(header(axes))
         self._queue: queue.SimpleQueue[NDArray[np.void]] = queue.SimpleQueue()
+        self._unwritten: deque[tuple[str, int]] = deque()
         self._taken = self._written = self._failed = self._refused = 0
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -165,33 +170,49 @@ class CsvRecorder:
         """Estimates, events and health have no place among these columns."""
 
     def report(self) -> dict[str, Any]:
-        """For `health`: file, rows written, rows lost, and what is wrong (null if nothing is)."""
+        """For `health`: file, rows written, waiting and lost, and what is wrong (null if nothing is)."""
         lost = self._failed + self._refused
-        return {"file": str(self._path), "rows": self._written, "lost": lost, "error": self.error or None}
+        counts = {"rows": self._written, "waiting": self.waiting, "lost": lost}
+        return {"file": str(self._path), **counts, "error": self.error or None}
 
-    def close(self) -> None:
-        """Write what waits and end; a disk that hangs is not waited for."""
+    def close(self) -> int:
+        """Write what waits and end; a disk that hangs is not waited for.
+
+        Returns:
+            Rows that are not in the file.
+        """
         self._end.set()
         self._thread.join(CLOSE_S)
         if not self._thread.is_alive():
             self._file.close()
+        return missing(self._path, self.waiting + self._failed + self._refused, self.error)
 
     def _run(self) -> None:
         ended = False
         while not ended:
-            ended = self._end.wait(BATCH_S)
-            pieces = []
+            ended = self._end.wait(RETRY_S if self.error else BATCH_S)
             while not self._queue.empty():
-                pieces.append(self._queue.get())
-            if pieces:
-                self._write(np.concatenate(pieces))
+                self._take(self._queue.get())
+            self._write()
 
-    def _write(self, rows: NDArray[np.void]) -> None:
-        try:
-            self._file.write(self._lines.lines(rows))
-        except OSError as error:
-            self._failed += len(rows)
-            self.error = f"{self._path} cannot be written: {error.strerror or error}"
-        else:
-            self._written += len(rows)
-            self.error = ""
+    def _take(self, rows: NDArray[np.void]) -> None:
+        for at in range(0, len(rows), _PIECE_ROWS):
+            piece = rows[at : at + _PIECE_ROWS]
+            self._unwritten.append((self._lines.lines(piece), len(piece)))
+
+    def _write(self) -> None:
+        """All that waits, as far as the disk has room; what another failure hits is lost."""
+        failure = ""
+        while self._unwritten:
+            text, count = self._unwritten[0]
+            try:
+                self._file.write(text)
+            except OSError as error:
+                failure = f"{self._path} cannot be written: {error.strerror or error}"
+                if error.errno in FULL:
+                    break
+                self._failed += count
+            else:
+                self._written += count
+            self._unwritten.popleft()
+        self.error = failure

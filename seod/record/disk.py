@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from typing import TYPE_CHECKING
+
+from seod.files.user_files import create_recording, keep_earlier
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,12 +26,11 @@ class DiskFile:
     """
 
     def __init__(self, path: Path) -> None:
-        if path.is_file() and path.stat().st_size:
-            path.replace(path.with_name(path.name + "~"))
+        keep_earlier(path)
         self.path = path
         self._taken = 0
         self._waiting = bytearray()
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        self._fd = create_recording(path)
         try:
             sync_directory(path.parent)
         except OSError:
@@ -77,3 +79,11 @@ def sync_directory(path: Path) -> None:
         os.fsync(fd)
     finally:
         os.close(fd)
+
+
+def missing(path: Path, rows: int, error: str) -> int:
+    """Say on stderr, at the end of a recording, that rows are not in it, and why; returns their number."""
+    if rows:
+        why = f": {error}" if error else ""
+        print(f"seod: recording {path}: {rows} rows are not in it{why}", file=sys.stderr)  # noqa: T201
+    return rows

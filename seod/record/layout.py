@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.ring import AXIS_FIELDS
+from seod.processes.ring import AXIS_FIELDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +50,7 @@ UNITS: Final = {
     "temperature": "K",
     "K_L": "axis unit/s/V, gain in force",
 }
-"""Fields of `seod.ring.AXIS_FIELDS` with unit and meaning."""
+"""Fields of `seod.processes.ring.AXIS_FIELDS` with unit and meaning."""
 
 ROW: Final = np.dtype(
     [
@@ -80,6 +80,7 @@ ROW_SCHEMA: Final = "\n".join(
         "uint8 FLAG_LIMITED=4",
         "uint8 FLAG_SATURATED=8",
         "uint8 FLAG_SECOND_PHASE=16",
+        "uint8 FLAG_FOREIGN=32",
         "int64 tick",
         "float64 t_tick  # s, when the tick began",
         "float64 age  # s, of the sample at that time",
@@ -92,7 +93,7 @@ ROW_SCHEMA: Final = "\n".join(
 
 
 def row_dtype(axes: int) -> np.dtype[np.void]:
-    """`seod.ring.Shared.row_struct` as a dtype: tick, tick_t [s], one `axes` record for each axis."""
+    """`Shared.row_struct` of the ring as a dtype: tick, tick_t [s], one `axes` record for each axis."""
     axis = [(name, "<f8") for name in AXIS_FIELDS] + [("state", "<i8"), ("flags", "<i8")]
     return np.dtype([("tick", "<i8"), ("tick_t", "<f8"), ("axes", axis, (axes,))])
 

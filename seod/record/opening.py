@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from drivers.light_can import import_light
+from drivers import driver_class
 from seod.record.csv_recorder import CsvRecorder
+from seod.record.errors import BusLogError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -15,12 +17,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from drivers.can_config import CanOptions
     from seod.config.model import RigConfig
     from seod.record.bus import BusLog
-
-
-class BusLogError(Exception):
-    """The bus cannot be logged; the message says why."""
 
 
 class Recorder(Protocol):
@@ -43,8 +42,8 @@ class Recorder(Protocol):
     def report(self) -> dict[str, Any]:
         """For `health`."""
 
-    def close(self) -> None:
-        """Write what waits and end."""
+    def close(self) -> int:
+        """Write what waits and end; returns how many rows are not in the file."""
 
 
 def open_recorder(path: Path, config: RigConfig, rig_text: str) -> Recorder:
@@ -61,12 +60,13 @@ def open_recorder(path: Path, config: RigConfig, rig_text: str) -> Recorder:
     axes = list(config.axes)
     if path.suffix.lower() == ".csv":
         return CsvRecorder(path, axes)
+    from seod.config.redact import redacted  # noqa: PLC0415 - likewise
     from seod.record.mcap_file import About  # noqa: PLC0415 - not needed without a recording
     from seod.record.recorder import McapRecorder  # noqa: PLC0415
     from seod.record.series import Rotation  # noqa: PLC0415
 
     offset_ns = time.time_ns() - time.monotonic_ns()
-    about = About(config.rig, axes, rig_text, config.model_dump_json(), time.time(), offset_ns)
+    about = About(config.rig, axes, redacted(rig_text), config.model_dump_json(), time.time(), offset_ns)
     size = None if config.record.max_megabytes is None else config.record.max_megabytes * 1e6
     return McapRecorder(path, about, Rotation(size, config.record.max_time))
 
@@ -83,11 +83,12 @@ def open_bus_log(config: RigConfig, directory: Path) -> BusLog | None:
     """
     if config.record.bus_log is None:
         return None
-    if config.driver["kind"] != "can":
+    if config.record.bus_log.lower().endswith(".mf4"):
+        import_module("can")  # whole: a driver imports it without its MF4 files
+    driver = driver_class(config.driver["kind"])
+    if not driver.bus_log:
         raise BusLogError(f"record.bus_log: driver kind {config.driver['kind']} has no bus: leave it out")
-    if not config.record.bus_log.lower().endswith(".mf4"):
-        import_light()
-    from drivers.can_config import CanOptions  # noqa: PLC0415 - python-can only where there is a bus
-    from seod.record.bus import BusLog  # noqa: PLC0415
+    from seod.record.bus import BusLog  # noqa: PLC0415 - python-can only where there is a bus
 
-    return BusLog(directory / config.record.bus_log, CanOptions.model_validate(config.driver))
+    options = driver.Options.model_validate(config.driver)
+    return BusLog(directory / config.record.bus_log, cast("CanOptions", options))

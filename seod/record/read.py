@@ -6,18 +6,17 @@
 from __future__ import annotations
 
 import json
-import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
-from zstandard import ZstdError
 
+from seod.files.damage import DamagedError, library, plain
+from seod.files.user_files import irregular
+from seod.processes.ring import AXIS_FIELDS
 from seod.record import layout
-from seod.ring import AXIS_FIELDS
+from seod.record.mcap_records import Damage, records, unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Item = NDArray[np.void] | dict[str, Any]
-
-BROKEN = (McapError, ValueError, struct.error, ZstdError, EOFError, MemoryError, OverflowError)
-"""What the library raises where a file ends in the middle or is damaged."""
 
 
 class RecordingError(Exception):
@@ -59,7 +55,7 @@ def beginning(path: Path) -> Beginning:
         OSError: It cannot be read.
     """
     rig = "{}"
-    for record in records(path):
+    for record in records_of(path):
         if isinstance(record, Attachment) and record.name == layout.RIG:
             rig = record.data.decode(errors="replace")
         if isinstance(record, Metadata) and record.name == layout.PROFILE:
@@ -71,24 +67,41 @@ def beginning(path: Path) -> Beginning:
 
 def _begun(path: Path, facts: dict[str, str], rig: str) -> Beginning:
     missing = {"axes", "started"} - facts.keys()
+    if missing:
+        raise RecordingError(f"{path}: its beginning is damaged: no {', '.join(sorted(missing))}")
     try:
-        if not missing:
-            return Beginning(tuple(json.loads(facts["axes"])), facts, json.loads(rig))
-    except (ValueError, TypeError) as error:
+        axes, told = json.loads(facts["axes"]), json.loads(rig)
+    except (ValueError, RecursionError) as error:
         raise RecordingError(f"{path}: its beginning is damaged: {error}") from error
-    raise RecordingError(f"{path}: its beginning is damaged: no {', '.join(sorted(missing))}")
+    if not (isinstance(axes, list) and axes and all(isinstance(axis, str) for axis in axes)):
+        raise RecordingError(f"{path}: its beginning is damaged: axes are {plain(facts['axes'], 40)}")
+    return Beginning(tuple(axes), facts, told if isinstance(told, dict) else {})
 
 
-def records(path: Path) -> Iterator[McapRecord]:
-    """The records up to the last whole one, chunks as they are."""
-    with path.open("rb") as stream:
-        found = iter(StreamReader(stream, emit_chunks=True).records)
-        while True:
-            try:
-                record = next(found)
-            except (StopIteration, *BROKEN):
-                return
-            yield record
+def records_of(path: Path) -> Iterator[McapRecord | Damage]:
+    """The records, chunks as they are, and what is damaged between them.
+
+    Raises:
+        RecordingError: It is a pipe, a folder or a device, or no MCAP file.
+        OSError: It cannot be read.
+    """
+    if why := irregular(path):
+        raise RecordingError(f"{path}: {why}")
+    with path.open("rb") as file:
+        try:
+            yield from records(file, path.stat().st_size)
+        except DamagedError as error:
+            raise RecordingError(f"{path}: is no recording of seod: {error}") from error
+
+
+def message_json(data: bytes) -> dict[str, Any]:
+    """A JSON message with its time `t`; empty if it is none."""
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    is_one = isinstance(content, dict) and isinstance(content.get("t"), float | int)
+    return content if is_one else {}
 
 
 def parts(path: Path) -> list[Path]:
@@ -117,16 +130,18 @@ def _started(path: Path) -> str | None:
 def items(path: Path, axes: Sequence[str]) -> Iterator[Item]:
     """Rows (dtype `layout.row_dtype`, shape (n,)) and events, in the order in which the gateway took them.
 
-    In the place of a damaged chunk there is a warning `rows_lost`.
+    In the place of what is damaged there is a warning `rows_lost`.
 
     Raises:
         RecordingError, OSError: As `beginning`.
     """
     for part in parts(path):
         join = _Join(axes)
-        for record in records(part):
+        for record in records_of(part):
             if isinstance(record, Chunk):
                 yield from join.chunk(record)
+            elif isinstance(record, Damage) and not record.is_end:
+                yield join.lost()
             elif isinstance(record, DataEnd):
                 break
 
@@ -135,18 +150,26 @@ class _Join:
     """Makes rows of all axes out of the messages of each."""
 
     def __init__(self, axes: Sequence[str]) -> None:
-        self._axes = axes
         self._topics: dict[int, str] = {}
         self._t = 0.0
         self._messages: dict[str, list[bytes]] = {layout.ROWS + axis: [] for axis in axes}
 
     def chunk(self, chunk: Chunk) -> Iterator[Item]:
+        """What is in it."""
         try:
-            content = breakup_chunk(chunk, validate_crc=True)
-        except BROKEN:
-            why = "a part of the recording is damaged and left out"
-            yield {"event": "warning", "t": self._t, "axis": None, "code": "rows_lost", "why": why}
-            return
+            with library():
+                yield from list(self._content(unpacked(chunk)))
+        except DamagedError:
+            for messages in self._messages.values():
+                messages.clear()
+            yield self.lost()
+
+    def lost(self) -> Item:
+        """The warning that a part is missing."""
+        why = "a part of the recording is damaged and left out"
+        return {"event": "warning", "t": self._t, "axis": None, "code": "rows_lost", "why": why}
+
+    def _content(self, content: Sequence[McapRecord]) -> Iterator[Item]:
         for record in content:
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
@@ -159,7 +182,8 @@ class _Join:
             self._messages[topic].append(data)
         elif topic == layout.EVENTS:
             yield from self._rows()
-            yield json.loads(data)
+            event = message_json(data)
+            yield event if isinstance(event.get("event"), str) else self.lost()
 
     def _rows(self) -> Iterator[Item]:
         of_axes = [layout.decode(messages) for messages in self._messages.values()]

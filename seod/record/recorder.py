@@ -9,11 +9,11 @@ the file.
 from __future__ import annotations
 
 import queue
-import sys
 import threading
 import time
 from typing import TYPE_CHECKING, Any
 
+from seod.record.disk import missing
 from seod.record.series import Amount, Note, Rotation, Series
 
 if TYPE_CHECKING:
@@ -109,13 +109,16 @@ class McapRecorder:
             "notes_lost": series.lost.notes + self._refused.notes,
         }
 
-    def close(self) -> None:
-        """Write what waits and end the file; a disk that hangs is not waited for."""
+    def close(self) -> int:
+        """Write what waits and end the file; a disk that hangs is not waited for.
+
+        Returns:
+            Rows that are not in the file, or not surely.
+        """
         self._end.set()
         self._thread.join(CLOSE_S)
         lost = self.waiting + self._counters()["lost"]
-        if lost or self._thread.is_alive():
-            print(f"seod: recording {self._series.path}: {lost} rows are not in it", file=sys.stderr)  # noqa: T201
+        return missing(self._series.path, lost or int(self._thread.is_alive()), self._series.failure)
 
     def _run(self) -> None:
         ended = False

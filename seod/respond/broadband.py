@@ -15,7 +15,7 @@ from seod.respond.points import Points
 from seod.respond.record import RespondError
 
 if TYPE_CHECKING:
-    from seod.respond.record import Array, Complex, Stretch
+    from seod.respond.record import Array, Complex, Segment
 
 _WINDOWS: Final = 8
 """Lengths of a window in a recording; with half overlapping there are 15."""
@@ -31,29 +31,33 @@ _LEAKS: Final = 0.02
 """A point is not believed better than this: windows cut a sweep, and what leaks does not average out."""
 
 
-def broadband(stretch: Stretch) -> Points:
+def broadband(segment: Segment) -> Points:
     """Points at up to 60 frequencies, spread by octaves; those that the voltage hardly excites are left out.
 
     Raises:
         RespondError: Too short, or samples are missing.
     """
-    if len(stretch.t) < FEWEST_SAMPLES:
-        raise RespondError(f"{stretch.name}: {len(stretch.t)} samples are too few; it takes {FEWEST_SAMPLES}")
-    gap = float(np.diff(stretch.t).max())
-    if gap > _GAP * stretch.tick:
+    if len(segment.t) < FEWEST_SAMPLES:
         raise RespondError(
-            f"{stretch.name}: no samples for {gap:.3g} s; give a part without gaps (--between)"
+            f"{segment.name}: {len(segment.t)} samples are too few: without a period it takes "
+            f"{FEWEST_SAMPLES}, {FEWEST_SAMPLES * segment.tick:.3g} s at this rate; a command that repeats "
+            "(`--period S`) takes less"
         )
-    edges = np.linspace(stretch.t[0], stretch.t[-1], len(stretch.t))
+    gap = float(np.diff(segment.t).max())
+    if gap > _GAP * segment.tick:
+        raise RespondError(
+            f"{segment.name}: no samples for {gap:.3g} s; give a part without gaps (--between)"
+        )
+    edges = np.linspace(segment.t[0], segment.t[-1], len(segment.t))
     tick = float(edges[1] - edges[0])
-    u, y = even_voltage(stretch, edges), np.interp(edges, stretch.t, stretch.y)
-    speed = np.diff(y) / tick if stretch.output == "position" else 0.5 * (y[1:] + y[:-1])
+    u, y = even_voltage(segment, edges), np.interp(edges, segment.t, segment.y)
+    speed = np.diff(y) / tick if segment.output == "position" else 0.5 * (y[1:] + y[:-1])
     n = len(u) // _WINDOWS
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n, tick), np.float64)
     spectra = [_windowed(x, n) for x in (u, speed)]
     used = np.flatnonzero((omega > 1.5 * omega[1]) & (omega < 2.0 * np.pi * _HIGHEST / tick))
     found = _banded(omega[used], *(each[:, used] for each in spectra))
-    return _as_measured(found, stretch, tick)
+    return _as_measured(found, segment, tick)
 
 
 def _windowed(x: Array, n: int) -> Complex:
@@ -86,10 +90,10 @@ def _band(omega: Array, u: Complex, y: Complex) -> tuple[float, complex, float, 
     return centre, G, variance, coherence, uu / u.size
 
 
-def _as_measured(found: Points, stretch: Stretch, tick: float) -> Points:
+def _as_measured(found: Points, segment: Segment, tick: float) -> Points:
     """From the ratio of means to the response of what was measured."""
     half = 0.5 * found.omega * tick
-    if stretch.output == "position":
+    if segment.output == "position":
         factor = 1.0 / (1j * found.omega)
     else:
         factor = np.sinc(half / np.pi) / np.cos(half) + 0j

@@ -7,24 +7,24 @@ import signal
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.progress import Progress
-
 from seod.calibrate.command import daemon
 from seod.calibrate.procedure import CalibrationError
 from seod.client import RequestError
 from seod.data import read
+from seod.data.problems import tell
 from seod.respond import live
-from seod.respond.record import RespondError, Stretch
+from seod.respond.record import RespondError, Segment
 from seod.respond.relay import recorded
 from seod.respond.response import respond
 from seod.respond.show import as_json, as_text, plot
+from seod.terminal.progress import bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from seod.config.model import RigConfig
+    from seod.data import Recording
     from seod.respond.design import Excitation
     from seod.respond.predict import Prediction
     from seod.respond.record import Output
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class Options:
     """Options of the command, those of the excitation apart.
 
     Attributes:
@@ -65,76 +65,83 @@ class Wishes:
     plot: Path | None = None
 
 
-def from_recordings(paths: Sequence[Path], config: RigConfig | None, wishes: Wishes) -> str:
+def from_recordings(paths: Sequence[Path], config: RigConfig | None, options: Options) -> str:
     """The answer as it is printed.
 
     Args:
-        paths: Recordings; each is a stretch of its own.
+        paths: Recordings; each is a segment of its own.
         config: Rig file, whose sensor's lag and delay are known then.
-        wishes: Options.
+        options: Options.
 
     Raises:
         ReadError: A file cannot be read.
         RespondError: The recordings tell no response.
     """
-    stretches = []
+    segments = []
     for path in paths:
-        data = read(path, wishes.columns, wishes.units, wishes.axis, between=wishes.between)
-        more = {"output": wishes.output, "period": wishes.period}
-        stretches.append(Stretch.of(str(path), data.t, data.u, data.y, data.t_u, **more))
-    delay, lag = wishes.delay, 0.0
+        data = _read(path, options, config, options.between)
+        more = {"output": options.output, "period": options.period}
+        segments.append(Segment.of(str(path), data.t, data.u, data.y, data.t_u, **more))
+    delay, lag = options.delay, 0.0
     if config is not None:
-        section = config.axes[_axis(config, wishes.axis)]
+        section = config.axes[_axis(config, options.axis)]
         lag = config.sensors[section.sensor].lag
         delay = section.estimator.delay if delay is None and section.estimator.delay > 0.0 else delay
-    found = respond(stretches, wishes.gain, delay, lag)
-    cycle = None if wishes.relay is None else _recorded_cycle(wishes.relay, wishes)
-    return _told(found, ", ".join(map(str, paths)), wishes.output, wishes, cycle, None)
+    found = respond(segments, options.gain, delay, lag)
+    cycle = None if options.relay is None else _recorded_cycle(options.relay, options, config)
+    return _told(found, ", ".join(map(str, paths)), options.output, options, cycle, None)
 
 
-def _recorded_cycle(path: Path, wishes: Wishes) -> LimitCycle:
+def _read(
+    path: Path, options: Options, config: RigConfig | None, between: tuple[float, float] | None = None
+) -> Recording:
+    of_rig = config is not None
+    data = read(path, options.columns, options.units, options.axis, between=between, of_rig=of_rig)
+    tell(data.problems)
+    return data
+
+
+def _recorded_cycle(path: Path, options: Options, config: RigConfig | None) -> LimitCycle:
     """What the recording of a relay says.
 
     Raises:
         RespondError: K_L is not known, without which it says little, or it says nothing.
     """
-    if wishes.gain is None:
+    if options.gain is None:
         raise RespondError("--relay needs K_L, --gain K: one limit cycle does not tell it")
-    data = read(path, wishes.columns, wishes.units, wishes.axis)
-    return recorded(str(path), data.t, data.u, data.y, data.t_u, wishes.output, wishes.gain, wishes.delay)
+    data = _read(path, options, config)
+    return recorded(str(path), data.t, data.u, data.y, data.t_u, options.output, options.gain, options.delay)
 
 
-def on_rig(config: RigConfig, path: Path, excitation: live.Wishes, wishes: Wishes) -> str:
+def on_rig(config: RigConfig, path: Path, excitation: live.Options, options: Options) -> str:
     """Excite the rig of a rig file, by its running daemon or one that is started for it.
 
     Raises:
         CalibrationError: The rig refuses, or the guard stopped it.
-        RespondError: The wishes do not fit the rig, or nothing came of it.
+        RespondError: The options do not fit the rig, or nothing came of it.
     """
-    name = _axis(config, wishes.axis)
+    name = _axis(config, options.axis)
     axis = config.axes[name]
-    if wishes.predict and config.simulation is None:
+    if options.predict and config.simulation is None:
         raise RespondError("--predict needs a plant: `simulation:` in the rig file")
-    console = Console(stderr=True)
     signal.signal(signal.SIGTERM, _interrupt)  # ends as ctrl-C does: the axis stopped and back in place
     try:
-        with daemon(config, path) as client, Progress(console=console, transient=True) as progress:
-            task = progress.add_task(name, total=1.0)
-            stretches, cycle, drives = live.measure(
+        with daemon(config, path) as client, bar() as show:
+            segments, cycle, drives = live.measure(
                 client,
                 name,
                 axis,
                 excitation,
-                lambda what, done: progress.update(task, description=f"{name}: {what}", completed=done),
+                lambda what, done: show(f"{name}: {what}", done),
             )
             K_L = client.get(name)["settings"]["K_L"] or (cycle and cycle.plant.K_L)
     except RequestError as error:
         raise CalibrationError(str(error)) from error
     lag = config.sensors[axis.sensor].lag
-    found = respond(stretches, wishes.gain, wishes.delay, lag)
+    found = respond(segments, options.gain, options.delay, lag)
     e_a = axis.relay.e_a if cycle is None else cycle.e_a
-    predicted = _predicted(config, name, drives, e_a, K_L or found.fit.plant.K_L) if wishes.predict else None
-    return _told(found, name, stretches[0].output, wishes, cycle, predicted)
+    predicted = _predicted(config, name, drives, e_a, K_L or found.fit.plant.K_L) if options.predict else None
+    return _told(found, name, segments[0].output, options, cycle, predicted, axis.gain_unit)
 
 
 def _predicted(
@@ -167,13 +174,14 @@ def _told(
     found: Response,
     name: str,
     output: Output,
-    wishes: Wishes,
+    options: Options,
     cycle: LimitCycle | None,
     predicted: Prediction | None,
+    gain_unit: str = "unit/s/V",
 ) -> str:
-    if wishes.plot is not None:
-        plot(found, output, cycle, name, wishes.plot)
-    if wishes.as_json:
+    if options.plot is not None:
+        plot(found, output, cycle, name, options.plot)
+    if options.as_json:
         answer: dict[str, Any] = as_json(found, output, cycle, predicted)
         return json.dumps(answer, allow_nan=False)
-    return as_text(found, name, cycle, predicted)
+    return as_text(found, name, cycle, predicted, gain_unit)

@@ -17,7 +17,7 @@ from seod.calibrate.session import RemoteRig
 from seod.client import ClientError
 from seod.respond.design import ROOM, Excitation, Room, largest, multisines, settling_time, sines
 from seod.respond.fit import Plant
-from seod.respond.record import RespondError, Stretch
+from seod.respond.record import RespondError, Segment
 from seod.respond.relay import LimitCycle
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _BAND: Final = (0.05, 3.0)
 
 
 @dataclass(frozen=True)
-class Wishes:
+class Options:
     """How to excite.
 
     Attributes:
@@ -91,12 +91,14 @@ def limit_cycle(client: Client, axis: str, e_a: float | None) -> LimitCycle | No
     """
     before = client.get(axis)["settings"]["e_a"]
     amplitude = before if e_a is None else e_a
+    subscription = client.subscribe(["estimate", "event"], [axis])
     client.set(axis, e_a=amplitude)
     try:
         with at_rest_afterwards(client, axis):
             client.start(axis)
             estimates = settled(client, axis)
     finally:
+        client.unsubscribe(subscription)
         client.set(axis, e_a=before)
     step = step_of(amplitude, estimates)
     gains = [e["K_L"] for e in estimates if e["quality"] == "ok" and e["K_L"] is not None]
@@ -106,12 +108,12 @@ def limit_cycle(client: Client, axis: str, e_a: float | None) -> LimitCycle | No
     return LimitCycle(plant, step.omega_n_sd or 0.0, step.zeta_sd or 0.0, amplitude)
 
 
-def plan(axis: AxisConfig, wishes: Wishes, room: Room, K_L: float, plant: Plant | None) -> list[Excitation]:
+def plan(axis: AxisConfig, options: Options, room: Room, K_L: float, plant: Plant | None) -> list[Excitation]:
     """The drives, all within their room.
 
     Args:
         axis: Its section of the rig file.
-        wishes: How.
+        options: How.
         room: What the motion may use.
         K_L: Gain [unit/s/V].
         plant: As far as it is known.
@@ -119,25 +121,25 @@ def plan(axis: AxisConfig, wishes: Wishes, room: Room, K_L: float, plant: Plant 
     Raises:
         RespondError: The wish goes beyond the limits; says what would fit.
     """
-    band = wishes.band or _band(plant)
-    random = np.random.default_rng(wishes.seed)
+    band = options.band or _band(plant)
+    random = np.random.default_rng(options.seed)
     settling = axis.excitation.entry + settling_time(
         plant, axis.hold.bandwidth if axis.mode == "position" else None
     )
-    if wishes.kind == "multisine":
-        period = wishes.period or 1.0 / band[0]
-        sets = multisines(band, period, wishes.realisations, room.output, random)
+    if options.kind == "multisine":
+        period = options.period or 1.0 / band[0]
+        sets = multisines(band, period, options.realisations, room.output, random)
         drives = [
-            Excitation(period, tones, settling, settling + wishes.periods * period + _MORE_S)
+            Excitation(period, tones, settling, settling + options.periods * period + _MORE_S)
             for tones in sets
         ]
     else:
-        drives = [_sine(tones, settling) for tones in sines(band, wishes.points)]
+        drives = [_sine(tones, settling) for tones in sines(band, options.points)]
     longest = max(drive.duration for drive in drives)
     if longest > axis.limits.excitation:
         what = f"a drive would take {longest:.3g} s, limits.excitation is {axis.limits.excitation:g} s"
         raise RespondError(f"{what}: raise the band's lower end, or take fewer periods")
-    return _sized(drives, wishes, axis.relay.e_a, room, K_L, plant)
+    return _sized(drives, options, axis.relay.e_a, room, K_L, plant)
 
 
 def _band(plant: Plant | None) -> tuple[float, float]:
@@ -154,14 +156,14 @@ def _sine(tones: Tones, settling: float) -> Excitation:
 
 
 def _sized(
-    drives: Sequence[Excitation], wishes: Wishes, e_a: float, room: Room, K_L: float, plant: Plant | None
+    drives: Sequence[Excitation], options: Options, e_a: float, room: Room, K_L: float, plant: Plant | None
 ) -> list[Excitation]:
     """Each tone of its own where there is one at a time, else all alike."""
     most = [largest(drive.tones, drive.period, room, K_L, plant) for drive in drives]
-    wanted = wishes.amplitude or e_a
-    if wishes.kind == "multisine":
+    wanted = options.amplitude or e_a
+    if options.kind == "multisine":
         most = [min(most)] * len(drives)
-        if wishes.amplitude is not None and most[0] < wanted:
+        if options.amplitude is not None and most[0] < wanted:
             raise RespondError(
                 f"an amplitude of {wanted:g} V may use more than {100 * ROOM:.0f} % of the axis' limits; "
                 f"{most[0]:.2g} V fits, or a band that begins higher"
@@ -191,45 +193,45 @@ def room_of(axis: AxisConfig, reading: float, bias: float, reference: float) -> 
 
 def drive_all(
     rig: RemoteRig, name: str, drives: Sequence[Excitation], output: Any, told: Callable[[float], None]
-) -> list[Stretch]:
+) -> list[Segment]:
     """Put out all of them; what is settled of each.
 
     Raises:
         CalibrationError: The guard stopped it.
         RespondError: Nothing came of it.
     """
-    stretches = []
+    segments = []
     for k, drive in enumerate(drives):
         told(k / len(drives))
         samples = rig.excite(PEAK * drive.most, drive.duration, drive.tones)
         fresh = np.array([sample["fresh"] for sample in samples])
         t, u, y, t_u = (np.array([sample[key] for sample in samples]) for key in ("t", "u", "y", "t_u"))
         y = np.where(fresh, y, math.nan)
-        whole = Stretch.of(name, t, u, y, t_u, output=output, period=drive.period)
-        stretches.append(whole.after(float(t[0]) + drive.settling))
-    return stretches
+        whole = Segment.of(name, t, u, y, t_u, output=output, period=drive.period)
+        segments.append(whole.after(float(t[0]) + drive.settling))
+    return segments
 
 
 def measure(
-    client: Client, name: str, axis: AxisConfig, wishes: Wishes, told: Callable[[str, float], None]
-) -> tuple[list[Stretch], LimitCycle | None, list[Excitation]]:
+    client: Client, name: str, axis: AxisConfig, options: Options, told: Callable[[str, float], None]
+) -> tuple[list[Segment], LimitCycle | None, list[Excitation]]:
     """The relay's answer, if wanted, then the response; the axis is idle, and idle again afterwards.
 
     Raises:
         CalibrationError: It is not idle, or the guard stopped it.
-        RespondError: The wishes do not fit the rig.
+        RespondError: The options do not fit the rig.
     """
     RemoteRig(client, name).close()  # once a sample has come, the loop takes commands
     now = client.get(name)
     if now["state"] != "idle":
         raise CalibrationError(f"{name} is {now['state']}: stop or reset it first")
     told("relay", 0.0)
-    cycle = limit_cycle(client, name, wishes.e_a) if wishes.relay else None
+    cycle = limit_cycle(client, name, options.e_a) if options.relay else None
     with closing(RemoteRig(client, name)) as rig, at_rest_afterwards(client, name):
         bias, reference = now["settings"]["bias"], now["settings"].get("reference") or 0.0
         K_L = rig.gain() if cycle is None else cycle.plant.K_L
         if axis.mode == "velocity":
             bias = abs(bias) + abs(reference / K_L)
         room = room_of(axis, rig.position(), bias, reference)
-        drives = plan(axis, wishes, room, K_L, None if cycle is None else cycle.plant)
-        return drive_all(rig, name, drives, room.output, lambda done: told(wishes.kind, done)), cycle, drives
+        drives = plan(axis, options, room, K_L, None if cycle is None else cycle.plant)
+        return drive_all(rig, name, drives, room.output, lambda done: told(options.kind, done)), cycle, drives

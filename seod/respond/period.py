@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
-    from seod.respond.record import Array, Stretch
+    from seod.respond.record import Array, Segment
 
 _ALIKE: Final = 0.85
 """Correlation with itself one period later, at least; a relay's switches come a tick early or late."""
@@ -18,22 +18,22 @@ _PERIODS: Final = 4
 """At least, or nothing can be said of it."""
 
 
-def even_voltage(stretch: Stretch, edges: Array) -> Array:
+def even_voltage(segment: Segment, edges: Array) -> Array:
     """Mean of the stepwise voltage between neighbouring `edges` [s], exact; shape (len(edges) - 1,)."""
-    lengths = np.diff(stretch.began)
-    area = np.concatenate(([0.0], np.cumsum(stretch.u[:-1] * lengths)))
-    place = np.clip(np.searchsorted(stretch.began, edges, side="right") - 1, 0, len(stretch.u) - 1)
-    whole = area[place] + stretch.u[place] * (edges - stretch.began[place])
+    lengths = np.diff(segment.began)
+    area = np.concatenate(([0.0], np.cumsum(segment.u[:-1] * lengths)))
+    place = np.clip(np.searchsorted(segment.began, edges, side="right") - 1, 0, len(segment.u) - 1)
+    whole = area[place] + segment.u[place] * (edges - segment.began[place])
     return np.asarray(np.diff(whole) / np.diff(edges))
 
 
-def find_period(stretch: Stretch) -> float | None:
+def find_period(segment: Segment) -> float | None:
     """Period of the voltage [s], to a part of a tick; None if it does not repeat four times."""
-    tick = stretch.tick
-    edges = np.arange(max(stretch.t[0], stretch.began[0]), stretch.t[-1], tick)
+    tick = segment.tick
+    edges = np.arange(max(segment.t[0], segment.began[0]), segment.t[-1], tick)
     if len(edges) < _PERIODS * _SHORTEST:
         return None
-    alike = _correlation(even_voltage(stretch, edges))
+    alike = _correlation(even_voltage(segment, edges))
     longest = len(alike) // _PERIODS
     peaks = [k for k in range(_SHORTEST, longest) if alike[k - 1] < alike[k] >= alike[k + 1]]
     best = max((alike[k] for k in peaks), default=0.0)

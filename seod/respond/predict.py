@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.respond.record import RespondError, Stretch
+from seod.respond.record import RespondError, Segment
 from seod.respond.relay import recorded
 from seod.respond.response import respond
+from seod.simulate.options import Options
 from seod.simulate.procedure import Simulation
-from seod.simulate.wishes import Wishes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,20 +61,20 @@ def predict(config: RigConfig, axis: str, drives: Sequence[Excitation], e_a: flo
 
 
 def _limit_cycle(config: RigConfig, axis: str, e_a: float, K_L: float) -> Plant:
-    run = Simulation(config, axis, Wishes("relay", amplitude=e_a, duration=_RELAY_S, noise=0.0)).run()
+    run = Simulation(config, axis, Options("relay", amplitude=e_a, duration=_RELAY_S, noise=0.0)).run()
     late = run["t"] >= _SETTLED_S
     t, u, y, t_u = (run[name][late] for name in ("t", "u", "y", "t_u"))
     speed = config.axes[axis].mode == "velocity"
     return recorded("relay", t, u, y, t_u, "velocity" if speed else "position", K_L, 0.0).plant
 
 
-def _tones(config: RigConfig, axis: str, drive: Excitation) -> Stretch:
+def _tones(config: RigConfig, axis: str, drive: Excitation) -> Segment:
     duration = drive.settling + (_PERIODS + 1) * drive.period
-    simulation = Simulation(config, axis, Wishes("sine", amplitude=0.0, duration=duration, noise=0.0))
+    simulation = Simulation(config, axis, Options("sine", amplitude=0.0, duration=duration, noise=0.0))
     simulation.signal = simulation.offset + _volts(drive, simulation.t)
     run = simulation.run()
     output = "velocity" if config.axes[axis].mode == "velocity" else "position"
-    whole = Stretch.of(axis, run["t"], run["u"], run["y"], run["t_u"], output=output, period=drive.period)
+    whole = Segment.of(axis, run["t"], run["u"], run["y"], run["t_u"], output=output, period=drive.period)
     return whole.after(drive.settling)
 
 

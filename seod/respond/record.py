@@ -1,4 +1,4 @@
-"""A stretch of a recording in which the excitation is one and the same."""
+"""A segment of a recording in which the excitation is one and the same."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RespondError(Exception):
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """Samples, and the stepwise voltage that caused them.
 
     Attributes:
@@ -59,7 +59,10 @@ class Stretch:
         present = np.isfinite(y) & np.isfinite(t) & (t >= (began[0] if len(began) else np.inf))
         made = cls(name, t[present], y[present], began, volts, **more)
         if len(made.t) < FEWEST:
-            raise RespondError(f"{name}: has {len(made.t)} samples with a command, fewer than {FEWEST}")
+            raise RespondError(
+                f"{name}: has {len(made.t)} samples with a command; it takes {FEWEST} and three periods of a "
+                "command that repeats, 512 of any other"
+            )
         if not np.all(np.diff(made.t) > 0.0):
             raise RespondError(f"{name}: the times do not increase")
         for what, values in (("command u", made.u), ("signal y", made.y)):
@@ -72,7 +75,7 @@ class Stretch:
         """Median interval of the samples [s]."""
         return float(np.median(np.diff(self.t)))
 
-    def after(self, start: float) -> Stretch:
+    def after(self, start: float) -> Segment:
         """What begins at `start` [s]; the voltage in force then included."""
         first = max(0, int(np.searchsorted(self.began, start, side="right")) - 1)
         kept = self.t >= start

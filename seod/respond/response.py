@@ -1,4 +1,4 @@
-"""A frequency response from stretches of recordings: points, fit of Eq. 1, and how far to believe it."""
+"""A frequency response from segments of recordings: points, fit of Eq. 1, and how far to believe it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.respond.fit import Fit
-    from seod.respond.record import Stretch
+    from seod.respond.record import Segment
 
 _SETTLED: Final = 0.2
 """First part of a recording, at least a period, in which a transient may be left."""
@@ -55,12 +55,12 @@ class Response:
 
 
 def respond(
-    stretches: Sequence[Stretch], K_L: float | None = None, delay: float | None = None, lag: float = 0.0
+    segments: Sequence[Segment], K_L: float | None = None, delay: float | None = None, lag: float = 0.0
 ) -> Response:
-    """The response that all stretches tell together.
+    """The response that all segments tell together.
 
     Args:
-        stretches: Of one plant and one output. Neighbours with the same period are realisations of one
+        segments: Of one plant and one output. Neighbours with the same period are realisations of one
             excitation; others, as of a stepped sine, add points.
         K_L: Gain [unit/s/V], if it is known; None: estimated.
         delay: Beyond the recordings' own times [s], if it is known; None: estimated.
@@ -69,37 +69,37 @@ def respond(
     Raises:
         RespondError: They tell no response.
     """
-    known = [_with_period(stretch) for stretch in stretches]
+    known = [_with_period(segment) for segment in segments]
     found, lines = [], []
-    for period, group in groupby(known, key=lambda stretch: stretch.period):
+    for period, group in groupby(known, key=lambda segment: segment.period):
         if period is None:
-            found += [broadband(stretch) for stretch in group]
+            found += [broadband(segment) for segment in group]
             continue
         part, empty = _periodic(list(group))
         found.append(part)
         lines.append(empty)
     whole = joined(found)
-    output = stretches[0].output
+    output = segments[0].output
     best, plain = fit(whole, output, K_L, delay, lag), fit(whole, output, K_L, 0.0, lag)
     empty_lines = _together(lines)
     quality, message = _judged(best, empty_lines)
     return Response(whole, empty_lines, best, plain, quality, message, bool(lines))
 
 
-def _with_period(stretch: Stretch) -> Stretch:
+def _with_period(segment: Segment) -> Segment:
     """With its period, and without its beginning, if it repeats and nobody has said so."""
-    if stretch.period is not None:
-        return stretch
-    period = find_period(stretch)
+    if segment.period is not None:
+        return segment
+    period = find_period(segment)
     if period is None:
-        return stretch
-    span = float(stretch.t[-1] - stretch.t[0])
-    return replace(stretch.after(float(stretch.t[0]) + max(period, _SETTLED * span)), period=period)
+        return segment
+    span = float(segment.t[-1] - segment.t[0])
+    return replace(segment.after(float(segment.t[0]) + max(period, _SETTLED * span)), period=period)
 
 
-def _periodic(group: Sequence[Stretch]) -> tuple[Points, Detection]:
+def _periodic(group: Sequence[Segment]) -> tuple[Points, Detection]:
     """Points and empty lines of the realisations of one excitation."""
-    every = [spectra(stretch) for stretch in group]
+    every = [spectra(segment) for segment in group]
     least = min(len(each.orders) for each in every)
     every = [replace(s, orders=s.orders[:least], u=s.u[:, :least], y=s.y[:, :least]) for s in every]
     found = points(every)

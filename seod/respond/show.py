@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import math
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
+from seod.files.user_files import named
 from seod.respond.fit import NAMES, Plant, model
 from seod.respond.record import RespondError
-from seod.text import number
+from seod.terminal import console
+from seod.terminal.text import number
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 INTERVAL: Final = 1.96
 _SHOWN: Final = {
-    "K_L": (1.0, "unit/s/V"),
     "omega_n": (1.0, "rad/s"),
     "zeta": (1.0, ""),
     "delay": (1000.0, "ms"),
@@ -114,23 +113,25 @@ def _predicted_json(predicted: Prediction) -> dict[str, Any]:
 
 
 def as_text(
-    response: Response, name: str, cycle: LimitCycle | None = None, predicted: Prediction | None = None
+    response: Response,
+    name: str,
+    cycle: LimitCycle | None = None,
+    predicted: Prediction | None = None,
+    gain_unit: str = "unit/s/V",
 ) -> str:
     """Fits with 95 % intervals beside what the limit cycle tells, and what distorts."""
     table = Table(box=box.SIMPLE, pad_edge=False)
     for title in ("", "response", "without delay", *(["limit cycle"] if cycle else []), ""):
         table.add_column(title, justify="right" if title else "left")
     for key in NAMES:
-        factor, unit = _SHOWN[key]
+        factor, unit = (1.0, gain_unit) if key == "K_L" else _SHOWN[key]
         cells = [_with_interval(fit, key, factor) for fit in (response.fit, response.without_delay)]
         table.add_row(key, *cells, *([_of_cycle(cycle, key)] if cycle else []), unit)
-    page = io.StringIO()
-    Console(file=page, width=100).print(table)
     found = response.points
     band = f"{found.omega[0]:.3g} to {found.omega[-1]:.3g} rad/s"
     head = f"{name}: {response.quality}, {len(found.omega)} points, {band}"
     said = [f"! {response.message}"] if response.message else []
-    lines = [head, page.getvalue().strip("\n"), *said, *_distortion_text(response)]
+    lines = [head, console.as_text(table, width=100).strip("\n"), *said, *_distortion_text(response)]
     if cycle is not None:
         lines.append(
             "limit cycle against response: " + _difference_text(difference(response.fit.plant, cycle.plant))
@@ -189,7 +190,8 @@ def plot(response: Response, output: Output, cycle: LimitCycle | None, title: st
     for axes in (gain, phase):
         axes.grid(visible=True, which="both", linewidth=0.3)
     gain.legend(fontsize=8)
-    figure.savefig(to, format="png", dpi=110)
+    with named(to):
+        figure.savefig(to, format="png", dpi=110)
 
 
 def _draw_points(gain: Any, phase: Any, response: Response) -> None:

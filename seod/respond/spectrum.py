@@ -17,7 +17,7 @@ from seod.respond.record import RespondError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from seod.respond.record import Array, Complex, Stretch
+    from seod.respond.record import Array, Complex, Segment
 
     Flags = NDArray[np.bool_]
 
@@ -57,29 +57,29 @@ class Spectra:
         return np.asarray(2.0 * np.pi / self.period * self.orders)
 
 
-def spectra(stretch: Stretch) -> Spectra:
+def spectra(segment: Segment) -> Spectra:
     """Coefficients of each window of whole periods; the first harmonic is the time's origin where it leads.
 
     Args:
-        stretch: With a period; transients left out.
+        segment: With a period; transients left out.
 
     Raises:
         RespondError: It holds too few periods, or too few samples in each.
     """
-    period = stretch.period
+    period = segment.period
     if period is None:
-        raise RespondError(f"{stretch.name}: the excitation's period is not known")
-    starts, length = _windows(stretch, period)
-    orders = np.arange(1.0, min(int(_HIGHEST * period / stretch.tick), MOST_HARMONICS) + 1.0)
+        raise RespondError(f"{segment.name}: the excitation's period is not known")
+    starts, length = _windows(segment, period)
+    orders = np.arange(1.0, min(int(_HIGHEST * period / segment.tick), MOST_HARMONICS) + 1.0)
     if not len(orders):
-        raise RespondError(f"{stretch.name}: a period of {period:.4g} s holds too few samples")
+        raise RespondError(f"{segment.name}: a period of {period:.4g} s holds too few samples")
     omega = 2.0 * np.pi / period * orders
-    u = np.array([of_voltage(stretch, start, length, omega) for start in starts])
+    u = np.array([of_voltage(segment, start, length, omega) for start in starts])
     count = _needed(u)
-    windows = [of_samples(stretch, start, length, omega[:count]) for start in starts]
+    windows = [of_samples(segment, start, length, omega[:count]) for start in starts]
     whole = [y is not None for y in windows]
     if sum(whole) < FEWEST_WINDOWS:
-        raise RespondError(f"{stretch.name}: samples are missing in all but {sum(whole)} windows")
+        raise RespondError(f"{segment.name}: samples are missing in all but {sum(whole)} windows")
     y = np.array([y for y in windows if y is not None])
     return _aligned(Spectra(period, orders[:count], u[whole, :count], y))
 
@@ -98,40 +98,40 @@ def _needed(u: Complex) -> int:
     return min(int(u.shape[1]), max(SINE, math.ceil(1.05 * highest) + 1))
 
 
-def _windows(stretch: Stretch, period: float) -> tuple[Array, float]:
+def _windows(segment: Segment, period: float) -> tuple[Array, float]:
     """Where they begin and how long they are [s]: whole periods, and at most so many windows."""
-    start = max(float(stretch.t[0]), float(stretch.began[0]))
-    end = min(float(stretch.t[-1]), float(stretch.began[-1])) + stretch.tick
+    start = max(float(segment.t[0]), float(segment.began[0]))
+    end = min(float(segment.t[-1]), float(segment.began[-1])) + segment.tick
     whole = int((end - start) / period * (1.0 + 1e-9))
     if whole < FEWEST_WINDOWS:
         what = (
             f"holds {whole} settled periods of {period:.4g} s; it takes {FEWEST_WINDOWS} to tell the variance"
         )
-        raise RespondError(f"{stretch.name}: {what}")
+        raise RespondError(f"{segment.name}: {what}")
     length = max(1, whole // MOST_WINDOWS) * period
     starts = start + length * np.arange(float(int((end - start) / length * (1.0 + 1e-9))))
     return starts, length
 
 
-def of_voltage(stretch: Stretch, start: float, length: float, omega: Array) -> Complex:
+def of_voltage(segment: Segment, start: float, length: float, omega: Array) -> Complex:
     """Exact coefficients of the stepwise voltage from `start` [s] over `length` [s]; shape of `omega`."""
-    first = max(0, int(np.searchsorted(stretch.began, start, side="right")) - 1)
-    last = int(np.searchsorted(stretch.began, start + length, side="left"))
-    edges = np.concatenate(([start], stretch.began[first + 1 : last], [start + length])) - start
+    first = max(0, int(np.searchsorted(segment.began, start, side="right")) - 1)
+    last = int(np.searchsorted(segment.began, start + length, side="left"))
+    edges = np.concatenate(([start], segment.began[first + 1 : last], [start + length])) - start
     turned = np.exp(-1j * np.outer(edges, omega))
     pieces = (turned[:-1] - turned[1:]) / (1j * omega)
-    return np.asarray(2.0 / length * (stretch.u[first:last] @ pieces))
+    return np.asarray(2.0 / length * (segment.u[first:last] @ pieces))
 
 
-def of_samples(stretch: Stretch, start: float, length: float, omega: Array) -> Complex | None:
+def of_samples(segment: Segment, start: float, length: float, omega: Array) -> Complex | None:
     """Least-squares coefficients of the samples, beside an offset and, of a position, a ramp.
 
     None where too many samples are missing.
     """
-    first, last = np.searchsorted(stretch.t, [start, start + length])
-    t, y = stretch.t[first:last] - start, stretch.y[first:last]
-    trend = 1 + (stretch.output == "position")
-    if len(t) < _FILLED * length / stretch.tick or len(t) < 2 * len(omega) + trend:
+    first, last = np.searchsorted(segment.t, [start, start + length])
+    t, y = segment.t[first:last] - start, segment.y[first:last]
+    trend = 1 + (segment.output == "position")
+    if len(t) < _FILLED * length / segment.tick or len(t) < 2 * len(omega) + trend:
         return None
     angle = np.outer(t, omega)
     columns = np.concatenate(

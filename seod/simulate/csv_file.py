@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import gzip
 import math
+import os
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, cast
+
+from seod.files.user_files import create_recording, keep_earlier, named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -38,18 +41,18 @@ def write_csv(
     """
     rows = len(next(iter(columns.values())))
     part = path.with_name(path.name + ".part")
-    try:
-        with _opened(part, path.name.endswith(".gz")) as file:
-            file.write((",".join(columns) + "\n").encode())
-            for k in range(0, rows, BLOCK):
-                block = zip(*(column[k : k + BLOCK].tolist() for column in columns.values()), strict=True)
-                file.write("".join([_line(row) for row in block]).encode("ascii"))
-                told(min(1.0, (k + BLOCK) / rows))
-        if path.exists():
-            path.replace(path.with_name(path.name + "~"))
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with named(path, part):
+        try:
+            with _opened(part, path.name.endswith(".gz")) as file:
+                file.write((",".join(columns) + "\n").encode())
+                for k in range(0, rows, BLOCK):
+                    block = zip(*(column[k : k + BLOCK].tolist() for column in columns.values()), strict=True)
+                    file.write("".join([_line(row) for row in block]).encode("ascii"))
+                    told(min(1.0, (k + BLOCK) / rows))
+            keep_earlier(path)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _line(row: tuple[float, ...]) -> str:
@@ -58,7 +61,7 @@ def _line(row: tuple[float, ...]) -> str:
 
 @contextmanager
 def _opened(path: Path, packed: bool) -> Iterator[IO[bytes]]:
-    with path.open("wb") as file:
+    with os.fdopen(create_recording(path), "wb") as file:
         if not packed:
             yield file
             return

@@ -1,14 +1,15 @@
-"""From a rig file and wishes to a recording: in the axis' units, at the loop's rate."""
+"""From a rig file and options to a recording: in the axis' units, at the loop's rate."""
 
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.gain import gain_of, gain_range
+from seod.config.gain_in_force import gain_of, gain_range
 from seod.simulate.surroundings import Surroundings
 from seod.simulate.view import AxisView, plant_of
 from sim.excitation import GivenInput, multisine, read_input, sine, steps, sweep
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seod.config.model import RigConfig
-    from seod.simulate.wishes import Wishes
+    from seod.simulate.options import Options
     from sim.experiment import Recording
 
     Array = NDArray[np.float64]
@@ -28,6 +29,10 @@ CYCLES = 3
 """Of each phase of the two-phase relay."""
 
 
+BYTES_PER_ROW = 200
+"""Of memory, at most, while a recording is simulated and written: 157 were measured."""
+
+
 @dataclass
 class Simulation:
     """One axis of a rig file, excited as wished.
@@ -35,7 +40,7 @@ class Simulation:
     Args:
         config: The rig file; it has a `simulation:` section.
         name: The axis.
-        wishes: What is to be done.
+        options: What is to be done.
 
     Raises:
         ValueError: A wish cannot be fulfilled; the message says why.
@@ -44,23 +49,23 @@ class Simulation:
 
     config: RigConfig
     name: str
-    wishes: Wishes
+    options: Options
 
     def __post_init__(self) -> None:
-        wishes = self.wishes
-        self.config = _with_plant(self.config, self.name, wishes.effects)
+        options = self.options
+        self.config = _with_plant(self.config, self.name, options.effects)
         self.view = AxisView(self.config, self.name)
-        given = read_input(wishes.input) if wishes.input else None
-        self.t = given.t if given else _ticks(wishes.duration, self.config.loop.rate_hz)
+        given = read_input(options.input) if options.input else None
+        self.t = given.t if given else _ticks(options.duration, self.config.loop.rate_hz)
         self.surroundings = Surroundings(self.view, len(self.t), given)
-        self.signal = None if wishes.excitation in {"relay", "two-phase"} else self._signal(given)
+        self.signal = None if options.excitation in {"relay", "two-phase"} else self._signal(given)
         plant, velocity = self.view.plant, self.view.axis.mode == "velocity"
         self.experiment = Experiment(
             plant=plant,
             t=self.t,
             seed=self.seed,
-            noise=plant.noise if wishes.noise is None else wishes.noise,
-            latency=wishes.latency,
+            noise=plant.noise if options.noise is None else options.noise,
+            latency=options.latency,
             supply=self.surroundings.supply,
             warmth=self.surroundings.warmth,
             approach=float(self.view.volts(np.array(self.offset))) if velocity and not given else None,
@@ -71,19 +76,19 @@ class Simulation:
         """Of the signal, the noise and the defects."""
         simulation = self.config.simulation
         default = simulation.seed if simulation else 1
-        return default if self.wishes.seed is None else self.wishes.seed
+        return default if self.options.seed is None else self.options.seed
 
     @property
     def amplitude(self) -> float:
         """Of the excitation [V]."""
-        return self.view.axis.relay.e_a if self.wishes.amplitude is None else self.wishes.amplitude
+        return self.view.axis.relay.e_a if self.options.amplitude is None else self.options.amplitude
 
     @property
     def offset(self) -> float:
         """What the excitation is added to [V]: in velocity mode the voltage of the axis' reference."""
         axis = self.view.axis
-        if self.wishes.bias is not None:
-            return self.wishes.bias
+        if self.options.bias is not None:
+            return self.options.bias
         K_L = gain_of(axis.K_L)(float(self.surroundings.ps[0]))
         if math.isnan(K_L):
             K_L = sum(gain_range(axis.K_L)) / 2.0
@@ -129,7 +134,7 @@ class Simulation:
             reference=(axis.reference or 0.0) / view.slope,
             entry=axis.excitation.entry,
             velocity=axis.mode == "velocity",
-            cycles=(self.wishes.cycles or CYCLES) if self.wishes.excitation == "two-phase" else 0,
+            cycles=(self.options.cycles or CYCLES) if self.options.excitation == "two-phase" else 0,
         )
         return self.experiment.run_relay(relay)
 
@@ -139,23 +144,23 @@ class Simulation:
         return self.offset + self._excitation(np.random.default_rng([self.seed, 0]))
 
     def _excitation(self, random: np.random.Generator) -> Array:
-        wishes, t, amplitude = self.wishes, self.t, self.amplitude
+        options, t, amplitude = self.options, self.t, self.amplitude
         own = self.view.plant.omega_n / (2.0 * math.pi)
         most = 0.5 * self.config.loop.rate_hz
-        frequency = own if wishes.frequency is None else wishes.frequency
-        band = wishes.band or (0.1 * own, min(3.0 * own, 0.9 * most))
+        frequency = own if options.frequency is None else options.frequency
+        band = options.band or (0.1 * own, min(3.0 * own, 0.9 * most))
         if max(frequency, band[1]) >= most:
             raise ValueError(
                 f"{max(frequency, band[1]):g} Hz must lie below half the loop's rate, {most:g} Hz"
             )
-        if wishes.excitation == "sine":
+        if options.excitation == "sine":
             return sine(t, amplitude, frequency)
-        if wishes.excitation == "steps":
-            return steps(t, amplitude, frequency / 10.0 if wishes.frequency is None else frequency, random)
-        if wishes.excitation == "multisine":
-            period = wishes.period or len(t) / self.config.loop.rate_hz
-            return multisine(t, amplitude, band, period, wishes.lines, random)
-        return sweep(t, amplitude, band, linear=wishes.excitation == "linear-sweep")
+        if options.excitation == "steps":
+            return steps(t, amplitude, frequency / 10.0 if options.frequency is None else frequency, random)
+        if options.excitation == "multisine":
+            period = options.period or len(t) / self.config.loop.rate_hz
+            return multisine(t, amplitude, band, period, options.lines, random)
+        return sweep(t, amplitude, band, linear=options.excitation == "linear-sweep")
 
 
 def _with_plant(config: RigConfig, axis: str, effects: dict[str, dict[str, float]]) -> RigConfig:
@@ -171,9 +176,20 @@ def _with_plant(config: RigConfig, axis: str, effects: dict[str, dict[str, float
     return config.model_copy(update={"simulation": simulation.model_copy(update={"plants": plants})})
 
 
+def memory_bytes() -> int:
+    """Memory of this computer."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
 def _ticks(duration: float | None, rate: float) -> Array:
     duration = DURATION_S if duration is None else duration
     n = round(duration * rate)
+    memory, there = n * BYTES_PER_ROW / 1e9, memory_bytes() / 1e9
+    if memory > there:
+        what = f"--duration {duration:g} s at {rate:g} Hz needs {memory:.3g} GB of memory, this computer has"
+        raise ValueError(
+            f"{what} {there:.3g} GB: a shorter one, several with other seeds, or a lower loop.rate_hz"
+        )
     if n < 2:
         raise ValueError(
             f"a duration of {duration:g} s has {n} ticks at {rate:g} Hz; a recording needs two or more"

@@ -5,20 +5,21 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
+from seod.files.user_files import irregular
 from seod.simulate.csv_file import ENDINGS, write_csv
 from seod.simulate.procedure import Simulation
-from seod.simulate.progress import shown, watched
 from seod.simulate.summary import summary
+from seod.terminal.progress import bar, watched
 from sim.cache import are_compiled
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from seod.config.model import RigConfig
-    from seod.simulate.wishes import Wishes
+    from seod.simulate.options import Options
 
 
-def record(config: RigConfig, axis: str | None, wishes: Wishes, out: Path) -> dict[str, Any]:
+def record(config: RigConfig, axis: str | None, options: Options, out: Path) -> dict[str, Any]:
     """Write the recording of an axis, of the only one if none is named; returns its summary.
 
     Raises:
@@ -31,12 +32,14 @@ def record(config: RigConfig, axis: str | None, wishes: Wishes, out: Path) -> di
         raise ValueError(f"--out {out}: the name must end in {' or '.join(ENDINGS)}")
     if not out.parent.is_dir():
         raise ValueError(f"--out {out}: there is no directory {out.parent}")
-    simulation = Simulation(config, _chosen(config, axis), wishes)
+    if options.input is not None and (why := irregular(options.input)):
+        raise ValueError(f"--input {options.input}: {why}")
+    simulation = Simulation(config, _chosen(config, axis), options)
     if not are_compiled(*simulation.compiled_parts):
         print("compiling the kernel (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
     columns = watched("simulating", simulation.run, simulation.fraction)
-    with shown("writing") as show:
-        write_csv(out, columns, show)
+    with bar() as show:
+        write_csv(out, columns, lambda part: show("writing", part))
     return summary(out, simulation, columns)
 
 

@@ -29,7 +29,7 @@ def summary(path: Path, simulation: Simulation, columns: dict[str, NDArray[np.fl
         "rows": len(t),
         "missing": int(np.isnan(y).sum()),
         "duration": float(t[-1] - t[0]),
-        "excitation": simulation.wishes.excitation,
+        "excitation": simulation.options.excitation,
         "seed": simulation.seed,
         "noise": simulation.experiment.noise * abs(simulation.view.slope),
         "truth": truth(simulation),

@@ -1,0 +1,1 @@
+"""The plant of Eq. 1 in closed form."""

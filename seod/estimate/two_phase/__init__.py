@@ -1,0 +1,1 @@
+"""The relay of two phases: how late the second phase's switches come, and where that takes the axis."""

@@ -1,0 +1,1 @@
+"""Files: those that users name, those that are damaged, those that come with seod."""

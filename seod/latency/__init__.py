@@ -1,0 +1,1 @@
+"""How late this machine wakes programs up: measured, judged, and what to change."""

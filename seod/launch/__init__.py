@@ -1,0 +1,1 @@
+"""What `seod run` does before there is a daemon: locks, the supervisor, and a client that starts with it."""

@@ -1,0 +1,79 @@
+"""The gateway's end of the row ring: whole rows out of memory that the loop keeps overwriting."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from seod.processes.ring import Word
+from seod.record.layout import row_dtype
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from seod.processes.ring import Shared
+
+MAX_ROWS = 256
+"""Most rows taken at once, so that answers and events come between them."""
+
+
+class RowReader:
+    """Takes rows in order; `lost` counts those that were overwritten before they could be taken."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._ring = shared.row_ring
+        self._words = shared.words
+        self._ring.tail = shared.words[Word.CONSUMED]  # where an earlier gateway ended
+        self._slots = np.frombuffer(self._ring.data, row_dtype(shared.axes), count=shared.rows)
+        self._torn = 0
+        self._last_tick = -1
+
+    @property
+    def lost(self) -> int:
+        """Rows lost since the start."""
+        return self._ring.lost + self._torn
+
+    def restart(self) -> None:
+        """A new loop process begins: its ticks may count from anywhere."""
+        self._last_tick = -1
+
+    @property
+    def head(self) -> int:
+        """Rows that the loop has written so far."""
+        head: int = self._ring.head[0]
+        return head
+
+    @property
+    def behind(self) -> float:
+        """Rows that wait, over those that the ring holds."""
+        tail, head = self._ring.pending()
+        return (head - tail) / len(self._slots)
+
+    def take(self, upto: int | None = None) -> NDArray[np.void]:
+        """A copy of the rows that have come since the last call, at most `MAX_ROWS`, shape (n,).
+
+        Args:
+            upto: An earlier `head`: rows that came later are left for the next call.
+        """
+        tail, head = self._ring.pending()
+        head = min(head if upto is None else max(upto, tail), tail + MAX_ROWS)
+        rows = self._slots[np.arange(tail, head) % len(self._slots)]
+        self._ring.tail = head
+        self._words[Word.CONSUMED] = head
+        return self._whole(rows, tail)
+
+    def _whole(self, rows: NDArray[np.void], tail: int) -> NDArray[np.void]:
+        """Without the rows that the loop overwrote while they were copied: their ticks are out of order."""
+        overwritten = max(0, self._ring.head[0] - len(self._slots) + 1 - tail)
+        whole = rows[overwritten:]
+        ticks = np.concatenate(([self._last_tick], whole["tick"]))
+        whole = whole[ticks[1:] > np.maximum.accumulate(ticks)[:-1]]
+        self._torn += len(rows) - len(whole)
+        if len(whole):
+            self._last_tick = int(whole["tick"][-1])
+        return whole
+
+    def close(self) -> None:
+        """Let go of the memory, so that it can be unmapped."""
+        self._slots = np.empty(0, self._slots.dtype)

@@ -1,0 +1,1 @@
+"""What the daemon's processes share: memory, messages, how one starts another, real-time set-up."""

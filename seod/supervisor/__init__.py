@@ -1,0 +1,1 @@
+"""The supervisor: watches loop and gateway, writes neutral when the loop cannot. Standard library only."""

@@ -1,0 +1,63 @@
+"""A child process of the supervisor. Standard library only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from seod.processes.handover import ChildArguments
+
+STOP_TIMEOUT_S = 3.0
+"""A child that has not ended this long after SIGTERM is killed."""
+
+
+class Child:
+    """A child process with its pidfd and its socket."""
+
+    def __init__(self, module: str, arguments: ChildArguments) -> None:
+        self.link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            mine = replace(arguments, supervisor_fd=theirs.fileno())
+            self.process = subprocess.Popen(  # noqa: S603 - our own module
+                mine.command(module),
+                pass_fds=(mine.config_fd, mine.shared_fd, mine.supervisor_fd),
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # ctrl-C in a terminal is for the supervisor to act on, in order
+            )
+        self.pidfd = os.pidfd_open(self.process.pid)
+        self.ready = False
+        self.failure = ""
+
+    def signal(self, number: signal.Signals) -> None:
+        """Signal exactly this process, never another that got its number."""
+        try:
+            signal.pidfd_send_signal(self.pidfd, number)
+        except ProcessLookupError:
+            return
+
+    def end_of(self) -> str:
+        """How the process ended, for people. Waits for it."""
+        code = self.process.wait()
+        if code < 0:
+            return f"killed by signal {-code} ({signal.Signals(-code).name})"
+        return self.failure or f"ended with exit code {code}"
+
+    def close(self) -> None:
+        """Give the descriptors back."""
+        os.close(self.pidfd)
+        self.link.close()
+
+    def end(self) -> None:
+        """SIGTERM, and SIGKILL if that does not help in time."""
+        self.signal(signal.SIGTERM)
+        try:
+            self.process.wait(STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.signal(signal.SIGKILL)
+            self.process.wait()
+        self.close()
