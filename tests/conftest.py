@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from tests.stolen import pytest_runtest_protocol, pytest_terminal_summary  # noqa: F401 - hooks
+
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Iterator
 

@@ -23,6 +23,9 @@ def weak_rig(folder: Path) -> Path:
     rig_file = write_rig_file(folder)
     text = rig_file.read_text().replace("realtime: true ", "realtime: false", 1)
     weak = f"sensor_quantization: {{step: 1.0e-6}}\n        square_root_flow: {{supply: {SUPPLY}}} #"
+    text = text.replace(
+        "      delay: 0 s ", "      delay: 0 s\n      delay_sd: 0 s ", 1
+    )  # as a calibrated rig
     rig_file.write_text(text.replace("sensor_quantization: {step: 1.0e-6}", weak, 1))
     return rig_file
 

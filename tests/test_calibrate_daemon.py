@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from seod.config.load import load_rig
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from seod.config.gain_in_force import gain_of
 from seod.config.load import load_rig
-from seod.gain import gain_of
 from tests import door
 from tests.peers import REPO, Rpc, free_port, port_of
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.config.edit import edited
-from seod.diagnose.recorded import telling_part
+from seod.diagnose.record.daemon_part import telling_part
 from tests.peers import SEOD, Program, Rpc, port_of, port_open, until, write_rig_file
 from tests.test_serial import write_rig_file as write_serial_rig
 

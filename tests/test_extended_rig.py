@@ -24,7 +24,7 @@ def test_seod_run_takes_it_and_the_model_holds(tmp_path: Path) -> None:
     config = tmp_path / "extended.yaml"
     number = free_port()
     text = new_rig_file(MODEL, SEEN, False, "run.csv")
-    for old, new in (("port: 7600", f"port: {number}"), ("count: 45", "count: 450")):
+    for old, new in (("  port: 7610 ", f"  port: {number} "), ("count: 45", "count: 450")):
         assert old in text
         text = text.replace(old, new)
     config.write_text(text)

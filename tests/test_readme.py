@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import subprocess
@@ -15,6 +16,7 @@ from tests.peers import Program, port_of, port_open, until, write_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from types import ModuleType
 
 REPO = Path(__file__).parents[1]
 README = (REPO / "README.md").read_text()
@@ -23,6 +25,12 @@ README = (REPO / "README.md").read_text()
 def blocks(language: str) -> list[str]:
     """The README's code blocks in one language."""
     return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def headings(page: Path) -> set[str]:
+    """Places in a page that a link may name."""
+    lines = re.findall(r"^#+ (.*)", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", line.lower()).replace(" ", "-") for line in lines}
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +78,40 @@ def test_the_simulated_recording(tmp_path: Path) -> None:
     assert (tmp_path / "truth.csv").read_text().startswith("t,u,y,t_u\n")
 
 
+def _outputs() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("outputs", REPO / "docs" / "outputs.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.timeout(600)
+def test_what_commands_print_is_what_the_pages_show() -> None:
+    outputs = _outputs()
+    shown = [(page, found) for page in outputs.PAGES for found in outputs.SHOWN.finditer(page.read_text())]
+    assert any(page.name == "README.md" for page, _ in shown)
+    for page, found in shown:
+        now, then = (
+            _words_and_numbers(text) for text in (outputs.printed(found["commands"]), found["output"])
+        )
+        assert now[0] == then[0], f"{page}: make outputs"
+        assert now[1] == pytest.approx(then[1], rel=0.02, abs=1e-6), f"{page}: make outputs"
+
+
+def _words_and_numbers(text: str) -> tuple[list[str], list[float]]:
+    """Of a printed text: another kind of processor may round the last digit differently."""
+    number = r"\d+(?:\.\d+)?(?:e-?\d+)?"
+    words = re.sub(number, "#", re.sub(r"\s+", " ", text)).split()
+    return words, [float(each) for each in re.findall(number, text)]
+
+
 def test_its_files_and_make_targets_exist() -> None:
     texts = README + (REPO / "docs" / "development.md").read_text()
-    for path in re.findall(r"\]\((?!http)([^)]+)\)", README):
+    for path, heading in re.findall(r"\]\((?!http)([^)#]+)#?([^)]*)\)", README):
         assert (REPO / path).exists(), path
+        assert not heading or heading in headings(REPO / path), (path, heading)
     targets = re.findall(r"^([a-z]+):", (REPO / "Makefile").read_text(), re.MULTILINE)
     assert set(re.findall(r"^make ([a-z]+)", texts, re.MULTILINE)) <= set(targets)
 

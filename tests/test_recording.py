@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from seod.data import read
 from seod.record.layout import ESTIMATES
 from seod.record.read import items
-from tests.peers import Program, Rpc, find_process, kill, port_of, port_open, until, write_rig_file
+from tests.peers import SEOD, Program, Rpc, find_process, kill, port_of, port_open, until, write_rig_file
 from tests.unit.record_rows import Content
 
 if TYPE_CHECKING:
@@ -100,3 +102,41 @@ def test_after_kill_9_the_recording_has_all_that_was_called_safe(tmp_path: Path)
     assert found == list(range(found[0], found[0] + len(found)))
     assert len(found) >= safe
     assert rows_of(second)[0] > found[-1]
+
+
+def in_a_small_disk(folder: Path, *command: str) -> list[str]:
+    """A command that finds a file system of 100 KB at `folder`, in a mount namespace of its own."""
+    mounted = (
+        f'mount -t tmpfs -o size=100k none {folder} && "$@"; rc=$?; cp {folder}/* {folder.parent}; exit $rc'
+    )
+    return ["unshare", "--map-root-user", "--mount", "sh", "-c", mounted, "sh", *command]
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.mcap"])
+def test_a_recording_that_a_full_disk_did_not_take_is_told_and_is_a_failure(
+    name: str, tmp_path: Path
+) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(
+        in_a_small_disk(disk, "touch", f"{disk}/x"), capture_output=True, check=False
+    ).returncode:
+        pytest.skip("user namespaces are not permitted")
+    rig_file = write_rig_file(tmp_path)
+    seod = [str(SEOD), "run", str(rig_file), "--for", "8", "--record", str(disk / name)]
+    with subprocess.Popen(in_a_small_disk(disk, *seod), stderr=subprocess.PIPE, text=True) as process:
+        port = port_of(rig_file)
+        until("the port", lambda: port_open(port) or process.poll() is not None)
+        rpc = Rpc(port)
+        rpc.call("subscribe", topics=["event"])
+        why = f"{disk / name} cannot be written: No space left on device"
+        rpc.wait_for("the warning", lambda m: m["params"].get("why") == why)
+        recorder = rpc.call("status")["health"]["recorder"]
+        rpc.close()
+        said = process.communicate()[1]
+    assert recorder["error"] == why
+    assert recorder["waiting"] > 0
+    assert process.returncode == 1
+    assert f"seod: recording {disk / name}: " in said
+    assert f"rows are not in it: {why}" in said
+    assert len(read(tmp_path / name).t) == recorder["rows"]

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from seod.attend import READY_S
 from seod.client import Client
-from seod.launch import spawn
+from seod.launch.daemon import spawn
+from seod.launch.with_client import READY_S
 from tests.test_calibrate_daemon import rig_file as shifted_file
 
 if TYPE_CHECKING:

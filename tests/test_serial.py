@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from seod.paths import configs_dir
-from tests.peers import Program, Rpc, RpcError, find_process, free_port, kill, port_of, port_open, until
+from seod.files.shipped import configs_dir
+from tests.peers import ROOM, Program, Rpc, RpcError, find_process, free_port, kill, port_of, port_open, until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,6 +36,7 @@ def write_rig_file(folder: Path, name: str = "serial") -> Path:
         ("rig_watchdog: 50 ms", "rig_watchdog: 500 ms"),
         ("kind: serial", "kind: serial\n  confirm_timeout_s: 1.0"),
         ("  watchdog_s: 0.05", "  watchdog_s: 0.5"),
+        *(ROOM if name == "serial" else ()),
     ):
         assert old in text, old
         text = text.replace(old, new)
@@ -142,6 +143,56 @@ def test_when_the_loop_is_killed_the_supervisor_writes_neutral(rig: Rpc, daemon:
     assert trips == 0  # half a second had not passed: it was the supervisor
 
 
+@pytest.fixture
+def amplifier_file(rig_file: Path) -> Path:
+    """The rig with enable and mode bytes in its commands, and a validity byte in its samples."""
+    text = rig_file.read_text()
+    valve = "  - {name: valve, type: int16, scale: 1.0e-3, unit: V}\n"
+    output = "    channel: valve\n    unit: V\n"
+    sensor = "    channel: angle\n    unit: rad\n"
+    for old, new in (
+        (valve, "  - {name: drive_on, type: uint8}\n  - {name: mode, type: uint8}\n" + valve),
+        (
+            "  - {name: run_enable, type: uint8}\n",
+            "  - {name: run_enable, type: uint8}\n  - {name: sound, type: uint8}\n",
+        ),
+        (output, output + "    enable: {channel: drive_on, on: 5, off: 1}\n    fixed: {mode: 3}\n"),
+        (sensor, sensor + "    valid: {channel: sound, is: 2}\n"),
+        ("      input: valve\n", "      input: valve\n      enabled_by: {drive_on: 5, mode: 3}\n"),
+        ("    run_enable: 1\n", "    run_enable: 1\n    sound: 2\n"),
+    ):
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    rig_file.write_text(text)
+    return rig_file
+
+
+@pytest.fixture
+def amplifier(amplifier_file: Path, rig: Rpc) -> Rpc:
+    """Its back door: the board reads the rig file with all of that."""
+    return rig
+
+
+def test_the_boards_amplifier_is_enabled_only_while_it_moves(amplifier: Rpc, daemon: Daemon) -> None:
+    enabled = lambda: amplifier.call("state")["plants"]["motor"]["enabled"]  # noqa: E731
+    assert enabled() is False
+    daemon.rpc.call("start")
+    daemon.estimates(2)  # it obeys
+    assert enabled() is True
+    kill(find_process("seod.loop", daemon.program.pid), signal.SIGKILL)
+    until("neutral by the supervisor", lambda: enabled() is False)
+    assert amplifier.call("state")["plants"]["motor"]["watchdog_trips"] == 0
+
+
+def test_readings_that_the_board_calls_invalid_stop_the_rig(amplifier: Rpc, daemon: Daemon) -> None:
+    daemon.rpc.call("start")
+    daemon.estimates(1)
+    amplifier.call("constant", channel="sound", value=0.0)
+    fault = daemon.rpc.event(event="fault")
+    assert fault["code"] == "stale_sample"
+    assert "sound reads 0: readings are valid at 2" in fault["why"]
+
+
 def test_a_line_with_nobody_at_its_end_is_told(rig_file: Path) -> None:
     program = Program(rig_file.with_suffix(".log"), "run", rig_file)
     assert program.wait() != 0
@@ -163,6 +214,7 @@ def assert_found(rig_file: Path, omega_n: float, zeta: float) -> None:
     """A daemon on this rig comes to these values."""
     daemon = Daemon(rig_file)
     try:
+        until("a sample", lambda: daemon.counter("samples"))
         daemon.rpc.call("start")
         last = daemon.estimates(10)[-1]
         assert last["omega_n"] == pytest.approx(omega_n, rel=0.03)
@@ -195,3 +247,21 @@ def test_zeta_from_the_reference_firmware(firmware: Path, rig_file: Path) -> Non
         board.terminate()
         board.wait()
         board.stdout.close()
+
+
+def test_a_second_daemon_on_the_port_is_refused_whatever_its_rig_and_the_port_are_called(
+    daemon: Daemon, rig_file: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.yaml"
+    (tmp_path / "same").symlink_to(tmp_path / "board")
+    text = (
+        rig_file.read_text()
+        .replace("rig: on-", "rig: other-")
+        .replace(f"{tmp_path}/board", f"{tmp_path}/same")
+    )
+    assert f"{tmp_path}/same" in text
+    other.write_text(text)
+    second = Program(tmp_path / "second.log", "run", other)
+    assert second.wait() == 1
+    assert f"is commanded already by process {daemon.program.pid}" in second.said()
+    assert daemon.rpc.call("get", axis="motor")["state"] == "idle"

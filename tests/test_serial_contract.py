@@ -10,7 +10,7 @@ import yaml
 
 from drivers import driver_class
 from drivers.serial_counters import COMMANDS
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 from tests.peers import Program, Rpc, until
 from tests.unit.test_driver_contract import *  # noqa: F403 - the same tests, on other benches
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from seod.processes.ring import FLAG_EXCITING, FLAG_SECOND_PHASE
 from seod.record.read import items
-from seod.ring import FLAG_EXCITING, FLAG_SECOND_PHASE
 from tests.peers import Program, Rpc, port_of, port_open, until, write_rig_file
 
 if TYPE_CHECKING:

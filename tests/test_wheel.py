@@ -67,7 +67,7 @@ def test_typed_and_licensed(wheel: Path) -> None:
 
 @pytest.mark.parametrize("folder", SHIPPED)
 def test_shipped_files_are_found(folder: str, installed: Path, tmp_path: Path) -> None:
-    code = f"import seod.paths; print(seod.paths.{folder}_dir())"
+    code = f"import seod.files.shipped; print(seod.files.shipped.{folder}_dir())"
     found = Path(run([installed / "python", "-c", code], tmp_path).strip())
     assert found.is_relative_to(installed.parent)
     for name in SHIPPED[folder]:

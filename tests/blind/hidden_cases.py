@@ -13,12 +13,21 @@ from hidden_rig import GIVEN, Drive, Rig, simulate
 from hidden_strength import BRISTLES, DEFECTS, LISTED, UNLISTED, drawn, effects_of, sizes
 from scipy.signal import detrend, lfilter
 
+SLEW = "valve_rate_limit"
+LISTED_SINCE = {SLEW: 22000, "sensor_nonlinearity": 31000, "static_valve_map": 31000}
+"""Listed later: records of lower numbers are what they were before."""
+NOW_NAMED = {"curved": "sensor_nonlinearity", "progressive": "static_valve_map"}
+"""Off the list until then."""
+OF_POSITIONS = {"sensor_nonlinearity"}
+"""Hidden where the sensor sees the position alone."""
 KINDS = ("one", "two", "clean", "unlisted")
 TRIES = 12
 LEAST = 3.0
 """Times the noise that the best baseline leaves of an effect, at least."""
 ALIKE = (
-    {"valve_lag", "sensor_lag", "transport_delay"},
+    {"valve_lag", "sensor_lag", "transport_delay", SLEW},
+    {"position_ripple", "sensor_nonlinearity"},
+    {"static_valve_map", "valve_deadband", "valve_saturation", "asymmetric_gain"},
     {"coulomb_friction", "stribeck_friction", BRISTLES},
     {"load_bias", "asymmetric_gain"},
 )
@@ -84,8 +93,9 @@ def draw(
     random = np.random.default_rng([number, 77])
     kind = kind or str(random.choice(KINDS, p=[0.6, 0.2, 0.1, 0.1]))
     for _ in range(TRIES):
-        chosen = tuple(causes) if causes is not None else _causes(kind, random)
-        case = _bare(number, kind, chosen, excitation, sees_speed, noise_part, random)
+        chosen = tuple(causes) if causes is not None else _causes(kind, random, number)
+        hides = "one" if kind == "unlisted" and chosen[0] in LISTED else kind
+        case = _bare(number, hides, chosen, excitation, sees_speed, noise_part, random)
         case = case if duration is None else replace(case, duration=duration)
         try:
             return _strong(case, random)
@@ -94,15 +104,27 @@ def draw(
     raise Invisible(f"case {number}: {kind} {causes} under {excitation} cannot be seen")
 
 
-def _causes(kind, random) -> tuple[str, ...]:
+def known(number: int) -> tuple[str, ...]:
+    """Causes that are listed in records of this number."""
+    return tuple(name for name in LISTED if number >= LISTED_SINCE.get(name, 0))
+
+
+def unknown(number: int) -> list[str]:
+    """Those off the list."""
+    if number < LISTED_SINCE[SLEW]:
+        return [SLEW if one == "relief" else one for one in UNLISTED]
+    return [one for one in UNLISTED if NOW_NAMED.get(one) not in known(number)]
+
+
+def _causes(kind, random, number) -> tuple[str, ...]:
     if kind == "clean":
         return ()
     if kind == "unlisted":
-        return (str(random.choice(UNLISTED)),)
+        return (str(random.choice(unknown(number))),)
     if kind == "one":
-        return (str(random.choice([*LISTED, *DEFECTS, BRISTLES])),)
+        return (str(random.choice([*known(number), *DEFECTS, BRISTLES])),)
     while True:
-        pair = {str(x) for x in random.choice(LISTED, 2, replace=False)}
+        pair = {str(x) for x in random.choice(known(number), 2, replace=False)}
         if not any(pair <= family for family in ALIKE):
             return tuple(sorted(pair))
 
@@ -118,6 +140,8 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
         float(np.exp(random.uniform(-12.0, -9.0))),
         float(np.exp(random.uniform(-6.0, 0.0))),
     )
+    if OF_POSITIONS.intersection(causes):
+        rig = replace(rig, sees_speed=False)
     tick = 1e-3 if omega_n < 100.0 else 5e-4
     if "timing_jitter" in causes:  # seen where the signal runs far within the jitter
         tick = min(0.3 / omega_n, 4e-3)
@@ -179,7 +203,7 @@ def _left_of(case: Case, cause: str, y, u) -> float:
     if alone < LEAST * case.noise_part * float(np.std(detrend(y))):
         return alone
     if case.kind == "unlisted":
-        return min(alone, left_by_list(case.rig, y, u, case.t, **given))
+        return min(alone, left_by_list(case.rig, known(case.number), y, u, case.t, **given))
     return alone if case.kind == "one" else left_beside(case.rig, cause, y, u, case.t, **given)
 
 

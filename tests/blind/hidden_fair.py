@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from hidden_baseline import THIN, Windows, discrete, free_modes
 from hidden_rig import GIVEN, Drive, Rig, simulate
-from hidden_strength import LISTED, drawn, effects_of, sizes
+from hidden_strength import drawn, effects_of, sizes
 from scipy.optimize import least_squares
 from scipy.signal import detrend, lfilter
 
@@ -33,6 +33,7 @@ TRIED_S = 3.0
 NOT_FITTED = {"sensor_quantization"}
 """Its rounding changes by jumps."""
 SIGNED = {"ratio", "acceleration", "K_L", "omega_n", "zeta", "phase", "centre"}
+SIGNED |= {"lever_at", "parabola", *(f"order_{n}" for n in range(2, 7))}
 
 
 def moves(y, noise: float) -> bool:
@@ -99,16 +100,19 @@ def left_beside(rig: Rig, cause: str, y, u, t, **given) -> float:
     return Refit(rig, rest, y, u, t, **given).left()
 
 
-def left_by_list(rig: Rig, y, u, t, **given) -> float:
+def left_by_list(rig: Rig, listed, y, u, t, **given) -> float:
     """The least rms that the plant with one listed effect leaves, in the record's first seconds."""
     rows = t < TRIED_S
     y, u, t = y[rows], u[rows], t[rows]
     z = sizes(y, u, float(t[1] - t[0]), sees_speed=rig.sees_speed)
     about = drawn("", np.random.default_rng(1))
     tried = [{}]
-    for cause in set(LISTED) - NOT_FITTED - {"pressure_dependent_stiffness"}:
+    for cause in set(listed) - NOT_FITTED - {"pressure_dependent_stiffness"}:
         effects = effects_of(cause, STRENGTH, about, z, rig.omega_n, float(t[-1]))
         if cause == "load_spring":
             effects[cause]["centre"] = float(np.mean(y))
+        if cause == "sensor_nonlinearity":
+            parts = {f"order_{n}": 0.1 * STRENGTH * z.span for n in range(2, 7)}
+            effects[cause] = parts | {"centre": 0.5 * float(np.max(y) + np.min(y)), "half": 0.5 * z.span}
         tried.append(effects)
     return min(Refit(rig, effects, y, u, t, **given).left(6) for effects in tried)

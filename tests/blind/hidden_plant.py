@@ -28,8 +28,10 @@ DEFAULTS = {
     "supply": math.inf,  # nominal pressure that the orifice sees [Pa]; infinite: flow does not depend on load
     "delay": 0.0,
     "limit": math.inf,
+    "stamped": 0.0,  # 1: a command is worth what a list of volts says
     "play": 0.0,
     "spool_lag": 0.0,
+    "slew": math.inf,  # of the spool [V/s]
     "null": 0.0,
     "overlap": 0.0,
     "unequal": 0.0,
@@ -52,24 +54,44 @@ DEFAULTS = {
     "eccentric": 0.0,
     "eccentric_waves": 1.0,
     "eccentric_phase": 0.0,
+    "crank": 0.0,  # an eccentric encoder that turns only in part
+    "crank_waves": 1.0,
+    "crank_phase": 0.0,
+    "lever": 0.0,  # 1 / its length [1/unit]: a straight sensor at its end sees the sine
+    "lever_at": 0.0,
+    "table_2": 0.0,  # Legendre polynomials of the order, over the travel
+    "table_3": 0.0,
+    "table_4": 0.0,
+    "table_5": 0.0,
+    "table_6": 0.0,
+    "table_at": 0.0,
+    "table_half": 1.0,
     "sensor_lag": 0.0,
     "count": 0.0,
+    "folded": 0.0,  # of what is below 0 this part comes back twice with the other sign
+    "keeps": 0.0,  # [s] for which a reading is repeated
     "drift_gain": 0.0,
     "drift_omega": 0.0,
     "drift_zeta": 0.0,
     # on no list of causes
     "drag": 0.0,  # torque for the square of speed [N m s^2]
     "hardening": 0.0,  # torque for the cube of angle [N m/rad^3]
-    "slew": math.inf,  # of the spool [V/s]
+    "relief": 0.0,  # leaves beyond `opens`, over the leakage: a relief valve between the chambers
+    "opens": math.inf,  # [Pa]
     "progressive": 0.0,  # more gain the wider open [1/V]
     "volume": 0.0,  # compliance changes with the angle [1/rad]
     "curved": 0.0,  # sensor: + curved y^2 [1/unit]
     "gusts": 0.0,  # [N m] a random torque of unit size is given to `run`
     "sees_speed": 0.0,
 }
-OFF_LIST = ("drag", "hardening", "slew", "progressive", "volume", "curved", "gusts")
+OFF_LIST = ("drag", "hardening", "relief", "progressive", "volume", "curved", "gusts")
 
-PHYSICAL = np.dtype([(name, np.float64) for name in DEFAULTS])
+ENTRIES = 121
+"""Of a valve's list of volts."""
+PHYSICAL = np.dtype(
+    [(name, np.float64) for name in DEFAULTS]
+    + [(name, np.float64, (ENTRIES,)) for name in ("given_volts", "worth_volts")]
+)
 MODES = np.dtype([(n, np.float64) for n in ("t", "played", "behind", "touches", "slides", "stuck", "given")])
 
 GIVEN, RELAY, SERVO = range(3)
@@ -110,7 +132,34 @@ def level(p, speed):
 
 @njit(cache=True, error_model="numpy")
 def encoder(p, y):
-    return y + p.eccentric * math.sin(p.eccentric_waves * y + p.eccentric_phase) + p.curved * y * y
+    return arm(p, y) + p.eccentric * math.sin(p.eccentric_waves * y + p.eccentric_phase) + p.curved * y * y
+
+
+@njit(cache=True, error_model="numpy")
+def arm(p, y):
+    """What is between the load and its sensor: a lever or a crank, or the table of a curve."""
+    if p.lever > 0.0:
+        return math.sin(p.lever * (y - p.lever_at)) / p.lever + p.lever_at
+    bent = p.crank * math.sin(p.crank_waves * y + p.crank_phase)
+    return y + bent + table(p, (y - p.table_at) / p.table_half)
+
+
+@njit(cache=True, error_model="numpy")
+def table(p, z):
+    """By Bonnet's recursion; beyond the ends as it goes there."""
+    if abs(z) > 1.0:
+        end = np.sign(z)
+        return table(p, end) + (z - end) * (table(p, end) - table(p, end * (1.0 - 1e-7))) / (end * 1e-7)
+    last, this, total = 1.0, z, 0.0
+    for n, part in enumerate((p.table_2, p.table_3, p.table_4, p.table_5, p.table_6), 2):
+        last, this = this, ((2 * n - 1) * z * this - (n - 1) * last) / n
+        total += part * this
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def arm_slope(p, y):
+    return (arm(p, y + 1e-6) - arm(p, y - 1e-6)) / 2e-6
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,7 +168,7 @@ def seen(p, m, w):
     if p.sees_speed == 0.0:
         return encoder(p, y)
     wave = p.eccentric_waves * y + p.eccentric_phase
-    slope = 1.0 + p.eccentric * p.eccentric_waves * math.cos(wave) + 2.0 * p.curved * y
+    slope = arm_slope(p, y) + p.eccentric * p.eccentric_waves * math.cos(wave) + 2.0 * p.curved * y
     return w[SPEED] * slope if m.touches or p.gap == 0.0 else 0.0
 
 
@@ -129,7 +178,8 @@ def oil_slope(p, t, w, supply):
     q = flow(p, w[SPOOL], w[PRESSURE], supply, 1.0 + p.drift_gain * t)
     compliance = p.compliance / omega**2 * (1.0 + p.air / supply**2) / (1.0 + p.air)
     compliance *= math.exp(p.volume * w[ANGLE])
-    leak = p.leakage * zeta / omega * w[PRESSURE]
+    beyond = w[PRESSURE] - clip(w[PRESSURE], -p.opens, p.opens)
+    leak = p.leakage * (zeta / omega * w[PRESSURE] + p.relief * beyond)
     return (q - p.displacement * w[SPEED] - leak) / compliance
 
 
@@ -202,8 +252,22 @@ def step(p, m, w, h, supply, gust, k):
 
 
 @njit(cache=True, error_model="numpy")
+def worth(p, volts):
+    """By the list of volts, straight between its entries and beyond its ends as far off as there."""
+    x, y, last = p.given_volts, p.worth_volts, ENTRIES - 1
+    if volts <= x[0]:
+        return volts + y[0] - x[0]
+    for k in range(last):
+        if volts <= x[k + 1]:
+            return y[k] + (y[k + 1] - y[k]) * (volts - x[k]) / (x[k + 1] - x[k])
+    return volts + y[last] - x[last]
+
+
+@njit(cache=True, error_model="numpy")
 def arrive(p, m, w, volts):
     volts = clip(volts, -p.limit, p.limit)
+    if p.stamped:
+        volts = worth(p, volts)
     m.played = clip(m.played, volts - p.play, volts + p.play)
     if p.spool_lag == 0.0:
         w[SPOOL] = m.played
@@ -225,6 +289,24 @@ def go(p, m, w, until, longest, supply, gust, k):
 
 
 @njit(cache=True, error_model="numpy")
+def driven(p, m, w, t, u, given, made, until, latency, longest, supply, gust, k4):
+    """Go on with the commands that arrive on the way; returns how many have."""
+    while given < made and t[given] + latency + p.delay <= until:
+        go(p, m, w, t[given] + latency + p.delay, longest, supply, gust, k4)
+        arrive(p, m, w, u[given])
+        given += 1
+    go(p, m, w, until, longest, supply, gust, k4)
+    return given
+
+
+@njit(cache=True, error_model="numpy")
+def shown(p, m, w, noise):
+    value = w[LAGGED] if p.sensor_lag > 0.0 else seen(p, m, w)
+    value += noise - 2.0 * p.folded * min(value, 0.0)
+    return math.floor(value / p.count + 0.5) * p.count if p.count > 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
 def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest, y):
     """Rows of a record: fills `y`, and `u` unless it is given. `c` is the controller's.
 
@@ -232,16 +314,18 @@ def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest,
 
     Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
-    k4, memory, given = np.zeros((4, 8)), np.zeros(8), 0
+    k4, memory, given, looked = np.zeros((4, 8)), np.zeros(8), 0, -1.0
     for k in range(len(t)):
-        while given < k and t[given] + latency + p.delay <= seen_at[k]:
-            go(p, m, w, t[given] + latency + p.delay, longest, supply[k], gusts[k], k4)
-            arrive(p, m, w, u[given])
-            given += 1
-        go(p, m, w, seen_at[k], longest, supply[k], gusts[k], k4)
-        y[k] = (w[LAGGED] if p.sensor_lag > 0.0 else seen(p, m, w)) + noise[k]
-        if p.count > 0.0:
-            y[k] = math.floor(y[k] / p.count + 0.5) * p.count
+        look = seen_at[k]
+        if p.keeps > 0.0:
+            look = min(look, t[0] + p.keeps * math.floor((look - t[0]) / p.keeps + 1e-6))
+        if look > looked + 0.5 * p.keeps:
+            looked = look
+            given = driven(p, m, w, t, u, given, k, look, latency, longest, supply[k], gusts[k], k4)
+            y[k] = shown(p, m, w, noise[k])
+        else:
+            y[k] = y[k - 1]
+        given = driven(p, m, w, t, u, given, k, seen_at[k], latency, longest, supply[k], gusts[k], k4)
         if kind == RELAY:
             signal = y[k] - c[3]
             if p.sees_speed and k > 0:

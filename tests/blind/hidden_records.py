@@ -26,14 +26,20 @@ def make_record(case: Case) -> Record:
     """What the file holds: with noise and the record's defects."""
     random = np.random.default_rng([case.number, 4])
     y, u = run(case, random.normal(0.0, case.noise, len(case.t)))
+    y = with_defects(case, y, random)
+    supply = supply_of(case)
+    t_u = case.t + case.latency if case.latency else None
+    return Record(case.t, u, y, t_u, None if supply is None else 7e6 * supply)
+
+
+def with_defects(case: Case, y, random):
+    """Readings with the outliers and the holes of a case."""
     if "rate" in case.defects:
         off = random.random(len(y)) < case.defects["rate"]
         y = y + off * random.normal(0.0, case.defects["size"], len(y))
     if "part" in case.defects:
         y = np.where(_holes(len(y), case.defects, random), np.nan, y)
-    supply = supply_of(case)
-    t_u = case.t + case.latency if case.latency else None
-    return Record(case.t, u, y, t_u, None if supply is None else 7e6 * supply)
+    return y
 
 
 def _holes(n, defects, random):

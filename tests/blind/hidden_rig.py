@@ -7,16 +7,21 @@ from dataclasses import dataclass, field
 
 import hidden_plant
 import numpy as np
-from hidden_plant import DEFAULTS, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
+from hidden_plant import DEFAULTS, ENTRIES, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
+from scipy.interpolate import CubicHermiteSpline
 
 LONGEST = 4e-5
 """Step [s]; that of bristles, which are quick, is a quarter of it."""
+
+RELIEF = 30.0
+"""Of a relief valve, what leaves beyond its pressure over the leakage: nearly all."""
 
 VALVE = {
     "transport_delay": {"time": "delay"},
     "valve_saturation": {"limit": "limit"},
     "valve_hysteresis": {"half_width": "play"},
     "valve_lag": {"time": "spool_lag"},
+    "valve_rate_limit": {"rate": "slew"},
     "null_shift": {"voltage": "null"},
     "valve_deadband": {"half_width": "overlap"},
     "asymmetric_gain": {"ratio": "unequal"},
@@ -27,8 +32,21 @@ VALVE = {
         "wavenumber": "eccentric_waves",
         "phase": "eccentric_phase",
     },
+    "sensor_nonlinearity": {
+        "amplitude": "crank",
+        "wavenumber": "crank_waves",
+        "phase": "crank_phase",
+        "lever": "lever",
+        "lever_at": "lever_at",
+        "parabola": "curved",
+        "centre": "table_at",
+        "half": "table_half",
+        **{f"order_{n}": f"table_{n}" for n in range(2, 7)},
+    },
     "sensor_lag": {"time": "sensor_lag"},
     "sensor_quantization": {"step": "count"},
+    "rectified_sensor": {"part": "folded"},
+    "held_readings": {"time": "keeps"},
     "parameter_drift": {"K_L": "drift_gain", "omega_n": "drift_omega", "zeta": "drift_zeta"},
 }
 """Same number in both worlds."""
@@ -50,11 +68,37 @@ ANGLES = {
     "load_spring": {"centre": "centre"},
     "stribeck_friction": {"speed": "stribeck_speed"},
     "periodic_disturbance": {"omega": "ripple_omega", "phase": "ripple_phase"},
-    "slew": {"strength": "slew"},
+    "static_valve_map": {"progress": "progressive"},
     "progressive": {"strength": "progressive"},
     "volume": {"strength": "volume"},
     "curved": {"strength": "curved"},
 }
+
+
+FARTHEST = 4.0
+"""Of a valve's list of volts, over its last knot."""
+
+
+def by_gains(told):
+    """Volts given and worth of a valve with gains by level and direction: three to each side."""
+    knots = np.array([0.0, told["at_1"], told["at_2"], FARTHEST * told["at_2"]])
+    given = np.linspace(-knots[-1], knots[-1], ENTRIES)
+    up, down = (
+        np.concatenate([[0.0], np.cumsum([told[f"{way}_{k}"] for k in (1, 2, 3)] * np.diff(knots))])
+        for way in ("up", "down")
+    )
+    return given, np.where(given > 0.0, np.interp(given, knots, up), -np.interp(-given, knots, down))
+
+
+def by_knots(told):
+    """The same of a map as the model has it: cubics with each knot's slope by its neighbours."""
+    places = np.arange(4) / 3.0 * told["range"]
+    given = np.linspace(-told["range"], told["range"], ENTRIES)
+    out = []
+    for knots in ([0.0, told["bend_1"], told["bend_2"], 0.0], [0.0, *(told[f"tilt_{k}"] for k in (1, 2, 3))]):
+        slopes = np.gradient(knots, places, edge_order=2)
+        out.append(CubicHermiteSpline(places, knots, slopes)(np.abs(given)))
+    return given, given + np.sign(given) * out[0] + out[1]
 
 
 @dataclass(frozen=True)
@@ -99,12 +143,17 @@ class Rig:
     def _coupled(self, values: dict[str, float]) -> dict[str, float]:
         """Those that are made of several numbers."""
         out, of = {}, self.effects.get
+        if (told := of("static_valve_map")) and "progress" not in told:
+            out["given_volts"], out["worth_volts"] = by_gains(told) if "up_1" in told else by_knots(told)
+            out["stamped"] = 1.0
         if root := of("square_root_flow"):
             out["supply"] = root["supply"] * self.inertia / self.displacement
         if second := of("load_resonance"):
             out["inertia2"] = self.inertia * second["inertia"] / (1.0 + second["inertia"])
             out["shaft"] = out["inertia2"] * second["omega"] ** 2
             out["shaft_damping"] = 2.0 * second["zeta"] * second["omega"] * out["inertia2"]
+        if relief := of("relief"):
+            out["relief"], out["opens"] = RELIEF, relief["strength"] * self.inertia / self.displacement
         if math.isfinite(values["slew"]) and values["spool_lag"] == 0.0:
             out["spool_lag"] = QUICK
         return out

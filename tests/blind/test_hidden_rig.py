@@ -7,12 +7,12 @@ import hidden_rig
 import numpy as np
 import pytest
 from hidden_baseline import best_baseline
-from hidden_cases import MOST_JITTER, Invisible, draw, run, seen_at
+from hidden_cases import LISTED_SINCE, MOST_JITTER, SLEW, Invisible, draw, known, run, seen_at
 from hidden_drives import EXCITATIONS
 from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_records import make_record, write
 from hidden_rig import GIVEN, RELAY, Drive, Rig, simulate
-from hidden_strength import DEFECTS, LISTED, UNLISTED
+from hidden_strength import DEFECTS, ELSEWHERE, LISTED, UNLISTED
 from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen
 from plant_truth import Plant
 from truth_runs import follow
@@ -37,7 +37,7 @@ def at_constant_temperature(effects):
 @pytest.mark.parametrize("name", EFFECTS_ON)
 def test_each_effect_is_that_of_the_plant_written_apart(name):
     effects = at_constant_temperature(chosen(name))
-    sees_speed = name in {"valve_hysteresis", "load_resonance", "sensor_lag"}
+    sees_speed = name in {"valve_hysteresis", "load_resonance", "sensor_lag", "rectified_sensor"}
     supply = SUPPLY if name in MOVED_BY_SUPPLY else None
     ours, _ = simulate(Rig(K_L, OMEGA_N, ZETA, effects, sees_speed), T, Drive(GIVEN, U), supply=supply)
     apart_from = follow(Plant(K_L, OMEGA_N, ZETA, effects, sees_speed=sees_speed), T, U, T, supply)
@@ -78,7 +78,7 @@ def test_the_best_baseline_finds_the_linear_plant_and_leaves_the_noise(sees_spee
 
 
 def test_the_lists_name_all_causes_and_nothing_else():
-    assert {*LISTED, *DEFECTS} == {name for name, effect in EFFECTS.items() if effect.cause}
+    assert {*LISTED, *DEFECTS, *ELSEWHERE} == {name for name, effect in EFFECTS.items() if effect.cause}
     assert not set(UNLISTED) & set(EFFECTS)
 
 
@@ -160,7 +160,7 @@ def test_what_a_sensors_lag_takes_up_beside_it_does_not_count(cause, values, lea
 
 @pytest.mark.parametrize(
     ("effects", "least", "most"),
-    [({"coulomb_friction": {"level": 100.0}}, 0.0, 0.2), ({"slew": {"strength": 30.0}}, 0.2, 1.0)],
+    [({"coulomb_friction": {"level": 100.0}}, 0.0, 0.2), ({"relief": {"strength": 400.0}}, 0.2, 1.0)],
     ids=["listed", "not listed"],
 )
 def test_what_the_list_can_imitate_does_not_count(effects, least, most):
@@ -169,7 +169,24 @@ def test_what_the_list_can_imitate_does_not_count(effects, least, most):
     rig = Rig(17.0, 60.0, 0.5, effects)
     y, _ = simulate(rig, t, Drive(GIVEN, u))
     alone = best_baseline(y, u, 2e-3, (17.0, 60.0, 0.5)).rms
-    assert least <= left_by_list(rig, y, u, t) / alone <= most
+    assert least <= left_by_list(rig, known(LISTED_SINCE[SLEW]), y, u, t) / alone <= most
+
+
+def test_a_relief_valve_holds_the_pressure():
+    rig = Rig(17.0, 60.0, 0.5, {"relief": {"strength": 400.0}})
+    y, _ = simulate(rig, T, Drive(GIVEN, U))
+    free, _ = simulate(Rig(17.0, 60.0, 0.5, {}), T, Drive(GIVEN, U))
+
+    def strongest(y):
+        return np.max(np.abs(np.diff(y, 2))) / (T[1] - T[0]) ** 2
+
+    assert strongest(free) > 600.0
+    assert 400.0 < strongest(y) < 440.0
+
+
+def test_records_of_numbers_before_it_was_listed_hide_a_slow_valve_as_one_cause():
+    case = draw(16847, duration=2.0)
+    assert (case.kind, case.causes) == ("one", ("valve_rate_limit",))
 
 
 def test_what_a_relay_cannot_see_is_not_hidden_under_it():

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from seod.diagnose.begin import scales
-from seod.diagnose.fit import fit
-from seod.diagnose.model import baseline_model
-from seod.diagnose.states import simulated_states
-from seod.diagnose.windows import cut
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.record.windows import cut
+from seod.diagnose.starts.sizes import scales
 
 
 def sized_model(one, rough, truth, names=(), *, speed=False):

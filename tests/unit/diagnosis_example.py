@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from seod.diagnose.answer import (
+from seod.diagnose.result import (
     Candidate,
     Diagnosis,
     FoundEffect,
@@ -52,9 +52,7 @@ def simulate(u, effects):
             t[max(0, k - 1) : k],
             u[max(0, k - 1) : k],
             t[k : k + 1],
-            NONE,
-            NONE,
-            NONE,
+            *[NONE] * 4,
             y[k : k + 1],
         )
         v[k], a[k] = s["velocity"][0], s["pressure"][0]
@@ -122,6 +120,7 @@ def _window(k, n, found):
         t + k * n / RATE,
         u,
         y,
+        None,
         None,
         linear,
         extended,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 import socket
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -13,10 +14,14 @@ from typing import TYPE_CHECKING, Any
 from seod.client import Client
 from seod.config.model import RigConfig
 from seod.gateway.process import Gateway
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, AxisState, Shared, Word
+from seod.observe import process as observing
+from seod.observe.observer import Observer
+from seod.observe.process import clock_of, start_recording
+from seod.processes.link import Link
+from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH, AxisState, Shared, Word
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator, Callable, Coroutine
 
 PERIOD = 1 / 2000
 DEADLINE_S = 20.0
@@ -70,6 +75,7 @@ class FakeLoop:
         self.refuse: str | None = None
         self.silent = False
         self.taken: list[dict[str, Any]] = []
+        self.estops = 0
 
     def event(self, kind: str, **fields: Any) -> None:
         self.shared.events.put({"event": kind, "t": self.t, **fields})
@@ -111,6 +117,11 @@ class FakeLoop:
 
     def answer(self) -> None:
         """Take the commands that wait and answer each as told."""
+        words = self.shared.words
+        if words[Word.ESTOPS] > self.estops:
+            self.estops = words[Word.ESTOPS]
+            self.taken.append({"op": "estop", "axis": None, "values": {}})
+            words[Word.ESTOPS_OBEYED] = 0 if self.silent else self.estops
         for command in self.shared.commands.take():
             self.taken.append(command)
             if self.silent:
@@ -136,10 +147,15 @@ async def eventually(condition: Callable[[], object]) -> None:
 
 
 class Running:
-    """A gateway under test with its fake loop and the supervisor's end of the socket."""
+    """A gateway under test with its fake loop and the supervisor's end of the socket.
 
-    def __init__(self, gateway: Gateway, loop: FakeLoop, link: socket.socket) -> None:
+    The process that estimates is a task here; `rig` is what it holds.
+    """
+
+    def __init__(self, gateway: Gateway, observer: Observer, loop: FakeLoop, link: socket.socket) -> None:
         self.gateway = gateway
+        self.observer = observer
+        self.rig = observer.rig
         self.loop = loop
         self.link = link
         self.port = 0
@@ -189,6 +205,28 @@ class Peer:
         await self.writer.wait_closed()
 
 
+def beside(
+    config: RigConfig, shared: Shared, supervisor: socket.socket, rig_file: Path, record: Path | None = None
+) -> tuple[Gateway, Observer, Coroutine[Any, Any, None]]:
+    """A gateway, what estimates for it, and that one's work, all in this process."""
+    ours, theirs = (Link(end) for end in socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+    its = Shared(shared.axes, shared.rows, os.dup(shared.fd))
+    recording = start_recording(record, config, rig_file)
+    observer = Observer(config, its, theirs, observing.make_estimator, clock_of(config, its), recording)
+
+    async def observe() -> None:
+        observer.poll()
+        theirs.send({"observer": "ready"})
+        while not observer.ended:
+            observer.poll()
+            await asyncio.sleep(0.002)
+        observer.close()
+        its.close()
+        theirs.close()
+
+    return Gateway(config, shared, supervisor, ours, rig_file), observer, observe()
+
+
 @asynccontextmanager
 async def running(
     axes: tuple[str, ...] = ("motor",),
@@ -203,21 +241,21 @@ async def running(
     ours.setblocking(False)
     if started:
         loop.start()
-    gateway = Gateway(rig_config(axes, **server), loop.shared, theirs, base / "rig.yaml", record)
-    run = Running(gateway, loop, ours)
-    serving = asyncio.create_task(gateway.run())
-    answering = asyncio.create_task(loop.keep_answering())
+    config = rig_config(axes, **server)
+    gateway, observer, work = beside(config, loop.shared, theirs, base / "rig.yaml", record)
+    run = Running(gateway, observer, loop, ours)
+    tasks = [asyncio.create_task(each) for each in (gateway.run(), work, loop.keep_answering())]
     try:
         run.port = (await hear(run))["port"]
         yield run
     finally:
         gateway.end()
-        answering.cancel()
-        await asyncio.gather(serving, answering, return_exceptions=True)
+        tasks[2].cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         loop.close()
         theirs.close()
         ours.close()
-    serving.result()
+    tasks[0].result()
 
 
 async def hear(run: Running) -> dict[str, Any]:

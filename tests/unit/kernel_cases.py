@@ -17,8 +17,17 @@ NONE = np.empty(0)
 EFFECTS_ON = {
     "transport_delay": {"time": 2.3e-3},
     "valve_saturation": {"limit": 0.55},
+    "static_valve_map": {
+        "bend_1": 0.05,
+        "bend_2": 0.12,
+        "tilt_1": -0.04,
+        "tilt_2": 0.03,
+        "tilt_3": -0.05,
+        "range": 0.9,
+    },
     "valve_hysteresis": {"half_width": 0.1},
     "valve_lag": {"time": 2e-3},
+    "valve_rate_limit": {"rate": 120.0},
     "null_shift": {"voltage": 0.1},
     "valve_deadband": {"half_width": 0.12},
     "asymmetric_gain": {"ratio": 0.2},
@@ -33,7 +42,17 @@ EFFECTS_ON = {
     "periodic_disturbance": {"amplitude": 300.0, "omega": 250.0, "phase": 0.4},
     "backlash": {"gap": 0.02},
     "position_ripple": {"amplitude": 0.01, "wavenumber": 9.0, "phase": 0.3},
+    "sensor_nonlinearity": {
+        "order_2": 4e-3,
+        "order_3": -3e-3,
+        "order_4": 2e-3,
+        "order_5": 1e-3,
+        "order_6": -1e-3,
+        "centre": 0.05,
+        "half": 0.12,
+    },
     "sensor_lag": {"time": 3e-3},
+    "rectified_sensor": {"part": 0.8},
     "parameter_drift": {
         "K_L": 0.4,
         "omega_n": -0.5,
@@ -67,11 +86,11 @@ def record(names=(), *, sees_speed=False, plant=(K_L, OMEGA_N, ZETA), **options)
     )
 
 
-def follow(p, t_u, u, t, *, supply=NONE, warmth=NONE, noise=NONE, state=None):
+def follow(p, t_u, u, t, *, supply=NONE, warmth=NONE, force=NONE, noise=NONE, state=None):
     """Readings of the kernel at `t`, and its state at the end."""
     s = new_state(p, t=min(t[0], t_u[0])) if state is None else state
     y = np.empty(len(t))
-    runs.follow(p[0], s[0], t_u, u, t, noise, supply, warmth, y)
+    runs.follow(p[0], s[0], t_u, u, t, noise, supply, warmth, force, y)
     return y, s[0]
 
 

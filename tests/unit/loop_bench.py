@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from drivers.virtual import VirtualDriver, VirtualOptions
+from seod.config.channels import input_channels, neutral_values, output_channels
 from seod.config.model import RigConfig
-from seod.loop.channels import input_channels
 from seod.loop.pacer import SimulatedPacer
 from seod.loop.tick import Loop
-from seod.ring import AXIS_FIELDS, AxisState, Shared, Word
+from seod.processes.ring import AXIS_FIELDS, AxisState, Shared, Word
 from sim.config import SimulationConfig
 
 PERIOD = 5e-4
@@ -71,7 +71,9 @@ class Bench:
         self.pacer = SimulatedPacer(1.0 / self.config.loop.rate_hz, self.shared)
         self.pacer.start = 1000.0  # the same numbers in each run
         self.driver = self.make_driver()
-        self.driver.open(input_channels(self.config), [o.channel for o in self.config.outputs.values()])
+        self.driver.open(
+            input_channels(self.config), output_channels(self.config), neutral_values(self.config)
+        )
         self.driver.start()
         self.fenced = 0
         self.loop = Loop(self.config, self.driver, self.shared, self.pacer, 1, self.on_fence)
@@ -95,12 +97,21 @@ class Bench:
             self.shared.words[Word.CONSUMED] = self.shared.row_ring.head[0]
 
     def call(self, op: str, axis: int | None = None, **values: Any) -> str | None:
+        if op == "estop":
+            return self.estop()
         self.ids += 1
         self.shared.commands.put({"id": self.ids, "op": op, "axis": axis, "values": values})
         self.run(self.pacer.period)
         reply = next(e for e in self.take("reply") if e["id"] == self.ids)
         error: str | None = reply["error"]
         return error
+
+    def estop(self) -> str | None:
+        """An e-stop by a client; returns what was wrong with it."""
+        words = self.shared.words
+        words[Word.ESTOPS] += 1
+        self.run(self.pacer.period)
+        return None if words[Word.ESTOPS_OBEYED] == words[Word.ESTOPS] else "not obeyed"
 
     def take(self, kind: str | None = None) -> list[dict[str, Any]]:
         self.events += self.shared.events.take()

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+
+import numpy as np
+from scipy import special
+from scipy.interpolate import CubicHermiteSpline
 
 from sim.effects import EFFECTS
 
@@ -12,6 +17,11 @@ SOFT = 0.01  # epsilon of the orifice
 
 def signed_root(drop: float) -> float:
     return drop * ((1.0 + SOFT**2) / (drop**2 + SOFT**2)) ** 0.25
+
+
+@cache
+def legendre(n):
+    return special.legendre(n)
 
 
 class Effects:
@@ -32,7 +42,7 @@ class Laws:
         self.K_L, self.omega_n, self.zeta, self.start = K_L, omega_n, zeta, start
         self.of = Effects(effects or {})
         self.inertia = self.of("load_resonance", "inertia")
-        self.supply, self.warmth = 1.0, 0.0
+        self.supply, self.warmth, self.force = 1.0, 0.0, 0.0
 
     def spring(self, y):
         centre = self.of("load_spring", "centre")
@@ -41,7 +51,8 @@ class Laws:
     def load(self, t, y):
         of = self.of
         angle = of("periodic_disturbance", "omega") * (t - self.start) + of("periodic_disturbance", "phase")
-        return self.spring(y) - of("periodic_disturbance", "amplitude") * math.sin(angle)
+        pushed = of("measured_disturbance", "gain") * self.force
+        return self.spring(y) - of("periodic_disturbance", "amplitude") * math.sin(angle) - pushed
 
     def drifted(self, t):
         def factor(name):
@@ -49,6 +60,24 @@ class Laws:
             return max(0.05, 1.0 + slow + self.of("parameter_drift", name + "_thermal") * self.warmth)
 
         return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
+
+    def worth(self, volts):
+        """Of a command, by the valve's map: cubics between its knots, with the slopes of their neighbours."""
+        name, full = "static_valve_map", self.of("static_valve_map", "range")
+        if math.isinf(full):
+            return volts
+        places = np.arange(4) / 3.0 * full
+        bends = [0.0, self.of(name, "bend_1"), self.of(name, "bend_2"), 0.0]
+        tilts = [0.0, *(self.of(name, f"tilt_{k}") for k in (1, 2, 3))]
+        bend, tilt = (
+            float(
+                CubicHermiteSpline(places, each, np.gradient(each, places, edge_order=2))(
+                    min(abs(volts), full)
+                )
+            )
+            for each in (bends, tilts)
+        )
+        return volts + tilt + (bend if volts > 0.0 else -bend)
 
     def opening(self, spool, side):
         """Of the branch `side` of the overlap: -1, 0, 1."""
@@ -87,9 +116,21 @@ class Laws:
     def encoder(self, y):
         of = self.of
         angle = of("position_ripple", "wavenumber") * y + of("position_ripple", "phase")
-        return y + of("position_ripple", "amplitude") * math.sin(angle)
+        return y + of("position_ripple", "amplitude") * math.sin(angle) + self.curve(y)[0]
 
     def encoder_slope(self, y):
         of = self.of
         k = of("position_ripple", "wavenumber")
-        return 1.0 + of("position_ripple", "amplitude") * k * math.cos(k * y + of("position_ripple", "phase"))
+        wave = of("position_ripple", "amplitude") * k * math.cos(k * y + of("position_ripple", "phase"))
+        return 1.0 + wave + self.curve(y)[1]
+
+    def curve(self, y):
+        """The sensor's curve and its slope: scipy's Legendre polynomials, straight beyond the travel."""
+        name = "sensor_nonlinearity"
+        along = (y - self.of(name, "centre")) / self.of(name, "half")
+        z, value, rises = min(max(along, -1.0), 1.0), 0.0, 0.0
+        for n in range(2, 7):
+            polynomial = legendre(n)
+            value += self.of(name, f"order_{n}") * polynomial(z)
+            rises += self.of(name, f"order_{n}") * polynomial.deriv()(z)
+        return value + rises * (along - z), rises / self.of(name, "half")

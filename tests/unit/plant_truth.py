@@ -12,6 +12,7 @@ import math
 import numpy as np
 from plant_laws import ACCELERATION, BRISTLE, LAGGED, PLACE, PLACE2, SPEED, SPEED2, SPOOL, Laws
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 RTOL = 1e-10
 
@@ -32,6 +33,8 @@ class Plant(Laws):
         super().__init__(K_L, omega_n, zeta, effects, t)
         self.t, self.stops, self.sees_speed = t, stops, sees_speed
         self.played = 0.0  # the command behind saturation and hysteresis
+        self.fastest = self.of("valve_rate_limit", "rate")
+        self.ramping = 0  # where to the spool goes as fast as it can
         self.behind = position  # behind the backlash, while its gap is open
         self.contact = self.at_stop = 0
         self.gap = self.of("backlash", "gap")
@@ -66,7 +69,8 @@ class Plant(Laws):
         return w[SPEED] * self.encoder_slope(y3) if touches else 0.0
 
     def reading(self, w):
-        return w[LAGGED] if self.of("sensor_lag", "time") else self.seen(w)
+        seen = w[LAGGED] if self.of("sensor_lag", "time") else self.seen(w)
+        return seen + 2.0 * self.of("rectified_sensor", "part") * max(-seen, 0.0)
 
     def slope(self, side):
         lag, sensor_lag = self.of("valve_lag", "time"), self.of("sensor_lag", "time")
@@ -79,6 +83,8 @@ class Plant(Laws):
             v, a = w[SPEED], w[ACCELERATION]
             q = self.flow(gain, self.opening(w[SPOOL], side), side, a)
             d[SPOOL] = (self.played - w[SPOOL]) / lag if lag else 0.0
+            if self.ramping:
+                d[SPOOL] = self.ramping * self.fastest
             d[ACCELERATION] = stiffness * (omega**2 * (q - v) - 2.0 * zeta * omega * a)
             d[PLACE] = v
             d[SPEED2], d[PLACE2] = self.coupling(w), w[SPEED2]
@@ -155,26 +161,44 @@ class Plant(Laws):
 
     def command(self, volts):
         limit, width = self.of("valve_saturation", "limit"), self.of("valve_hysteresis", "half_width")
-        volts = min(max(volts, -limit), limit)
+        volts = self.worth(min(max(volts, -limit), limit))
         self.played = min(max(self.played, volts - width), volts + width)
-        if not self.of("valve_lag", "time"):
+        if not self.of("valve_lag", "time") and self.fastest == math.inf:
             self.w[SPOOL] = self.played
 
+    def ramp_s(self):
+        """How long the spool goes as fast as it can: until its lag alone asks for less."""
+        if self.fastest == math.inf:
+            return 0.0
+        beyond = abs(self.played - self.w[SPOOL]) - self.fastest * self.of("valve_lag", "time")
+        return beyond / self.fastest if beyond > 1e-12 else 0.0
+
+    def spool_after(self, dt):
+        lag, ramp, here = self.of("valve_lag", "time"), self.ramp_s(), self.w[SPOOL]
+        way = np.sign(self.played - here)
+        there = here + way * self.fastest * min(dt, ramp) if ramp else here
+        if dt <= ramp:
+            return there
+        return self.played + (there - self.played) * math.exp((ramp - dt) / lag) if lag else self.played
+
+    def passes(self, edge, within):
+        return brentq(lambda dt: self.spool_after(dt) - edge, 0.0, within, xtol=1e-16)
+
     def edges(self, t_end):
-        """Times until `t_end` at which the spool passes an edge of the overlap."""
-        lag, here = self.of("valve_lag", "time"), self.w[SPOOL]
-        times = []
+        """Times until `t_end` at which the spool passes an edge of the overlap, or its ramp ends."""
+        here, times = self.w[SPOOL], [self.t + self.ramp_s()]
         for side in (-1, 1):
             edge = self.of("null_shift", "voltage") + side * self.of("valve_deadband", "half_width")
-            if lag and (here - edge) * (self.played - edge) < 0.0:
-                times.append(self.t + lag * math.log((here - self.played) / (edge - self.played)))
+            there = self.spool_after(t_end - self.t)
+            if here != self.spool_after(0.5 * (t_end - self.t)) and (here - edge) * (there - edge) < 0.0:
+                times.append(self.t + self.passes(edge, t_end - self.t))
         return sorted(t for t in times if self.t < t < t_end)
 
     def side_between(self, t_end):
-        lag = self.of("valve_lag", "time")
-        spool = self.w[SPOOL]
-        if lag:
-            spool = self.played + (spool - self.played) * math.exp(-(t_end - self.t) / 2.0 / lag)
+        spool = self.spool_after(0.5 * (t_end - self.t))
+        self.ramping = np.sign(self.played - self.w[SPOOL]) if self.ramp_s() > 0.5 * (t_end - self.t) else 0
+        if not self.ramping and not self.of("valve_lag", "time"):
+            self.w[SPOOL] = self.played
         e, d = spool - self.of("null_shift", "voltage"), self.of("valve_deadband", "half_width")
         return 1 if e > d else -1 if e < -d else 0
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from mcap.stream_reader import StreamReader
 
+from seod.processes.ring import FLAG_FRESH, AxisState
 from seod.record.layout import decode, row_dtype
 from seod.record.mcap_file import About
 from seod.record.series import Note, Rotation, Series
-from seod.ring import FLAG_FRESH, AxisState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

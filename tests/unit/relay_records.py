@@ -11,9 +11,10 @@ from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
-from seod.diagnose.cells import cells
-from seod.diagnose.coordinates import Scales
-from seod.diagnose.windows import cut, pieces, series, sparse
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, segments, sparse
+from seod.diagnose.starts.relay.grid import grid_plants
 
 TICK, N, VOLTS = 1e-3, 8000, 1.85
 T = np.arange(N) * TICK
@@ -49,7 +50,7 @@ def recorded(kind):
 @cache
 def gridded(kind):
     """Its plants of the grid."""
-    return cells(sparse(pieces(cut([recorded(kind)[0]])[0])))
+    return grid_plants(sparse(segments(cut([recorded(kind)[0]])[0])))
 
 
 def model_of(one, *names):

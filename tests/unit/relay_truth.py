@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from seod.estimate.base import EstimatorSettings, Row
-from seod.estimate.inversion import Measured
+from seod.estimate.limit_cycle.inversion import Measured
 
 K_L = 17.0
 E_A = 0.5

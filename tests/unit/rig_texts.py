@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 
 def can_at_2_khz() -> str:

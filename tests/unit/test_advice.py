@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seod.estimate.advice import advise, gain_for, gain_limit, of_estimate
-from seod.estimate.plant_response import Dynamics
+from seod.estimate.plant.free_motion import Dynamics
 
 
 @pytest.mark.parametrize(("omega_n", "zeta"), [(60.0, 0.1), (100.0, 0.7), (20.0, 2.0)])

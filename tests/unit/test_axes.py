@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.estimate import TABLE
-from seod.gateway.estimation import Axis as GatewayAxis
-from seod.ring import AxisState
+from seod.observe.estimation import Axis as GatewayAxis
+from seod.processes.ring import AxisState
 from tests.unit.loop_bench import PERIOD, RIG, Bench, merge
 
 if TYPE_CHECKING:

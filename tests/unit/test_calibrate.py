@@ -14,13 +14,14 @@ from seod.calibrate.delay import Response, fit_response, unit_step
 from seod.calibrate.procedure import CalibrationError, Edge, Plan, Procedure, Result
 from seod.calibrate.recording import Recording, recording
 from seod.calibrate.static import Line, Point, Static, by_pressure, characteristic, fit_line, steady_speed
-from seod.calibrate.value import mean, measured
+from seod.calibrate.value import Value, mean, measured
 from seod.config.edit import edited, replace_file
 from seod.config.errors import ConfigErrors
-from seod.config.load import load_rig
-from seod.gain import gain_of
-from seod.paths import configs_dir
-from seod.ring import FLAG_FRESH, AxisState
+from seod.config.gain_in_force import gain_of
+from seod.config.load import load_rig, load_text
+from seod.config.yaml_lines import parse
+from seod.files.shipped import configs_dir
+from seod.processes.ring import FLAG_FRESH, AxisState
 from tests.unit.linear_plant import LinearPlant
 from tests.unit.loop_bench import Bench, merge
 
@@ -270,10 +271,13 @@ def test_results_go_into_the_file_and_nothing_else_changes(tmp_path: Path) -> No
     edges = Edge(0.0201, 0.0202), Edge(0.0199, 0.0198)
     result = Result(static, *edges, measured(1e-5, 1e-5, 5), response)
     answer = as_json(result, [result.static], "ok")
-    assert "K_L_up" in as_text("motor", answer)
-    after = edited(before, changes("motor", load_rig(path).axes["motor"], answer))
+    assert "K_L_up" in as_text("motor", load_rig(path).axes["motor"], answer)
+    after = edited(before, changes("motor", load_rig(path).axes["motor"], answer, parse(before).value))
     gone = [line for line in before.splitlines() if line not in after.splitlines()]
-    assert [line.split(":")[0].strip() for line in gone] == ["K_L", "bias", "delay"]
+    assert [line.split(":")[0].strip() for line in gone] == [
+        "K_L",
+        "bias",
+    ]  # of the delay the interval holds 0
     backup = replace_file(path, after)
     assert backup.read_text() == before
     axis = load_rig(path).axes["motor"]
@@ -281,7 +285,65 @@ def test_results_go_into_the_file_and_nothing_else_changes(tmp_path: Path) -> No
     assert axis.calibration is not None
     low, high = axis.calibration.K_L.interval
     assert low < axis.calibration.K_L.value < high
-    assert edited(after, changes("motor", axis, answer)) == after
+    assert edited(after, changes("motor", axis, answer, parse(after).value)) == after
+
+
+def answer_of(null: Value, delay: Value, K_L: float = 0.051) -> dict[str, Any]:
+    line = Line(measured(K_L, 0.001, 6), null, 6, 1.0)
+    static = Static(line.K_L, line.zero, line, line, math.nan)
+    edges = Edge(0.0201, 0.0202), Edge(0.0199, 0.0198)
+    result = Result(static, *edges, delay, Response(17.0, 117.0, 0.21, 1e-5, 1e-3))
+    return as_json(result, [result.static], "ok")
+
+
+def in_units() -> str:
+    """The shipped rig on a ram: every value in use carries a unit."""
+    text = (configs_dir() / "virtual.yaml").read_text()
+    for old, new in (
+        ("unit: rad", "unit: m"),
+        (" mrad", " mm"),
+        (" deg", " mm"),
+        ("speed: 60 rad/s", "speed: 60 m/s"),
+        ("\n    K_L: 17 ", "\n    K_L: 50 mm/s/V "),
+        ("amplitude: 0.45 rad", "amplitude: 50 mm"),
+        ("bias: 0 V", "bias: 10 mV"),
+        ("delay: 0 s", "delay: 1.5 ms"),
+    ):
+        assert old in text
+        text = text.replace(old, new, 1 if "K_L" in old else -1)
+    return text
+
+
+def test_values_in_use_keep_their_units() -> None:
+    before = in_units()
+    axis = load_text(before, "x", configs_dir()).axes["motor"]
+    answer = answer_of(measured(0.02, 1e-3, 6), measured(2e-3, 1e-4, 5))
+    after = edited(before, changes("motor", axis, answer, parse(before).value))
+    for line in ("    K_L: 51 mm/s/V ", "      bias: 20 mV ", "      delay: 2 ms "):
+        assert f"\n{line}" in after
+    again = load_text(after, "x", configs_dir()).axes["motor"]
+    assert (again.K_L, again.relay.bias, again.estimator.delay) == pytest.approx((0.051, 0.02, 0.002))
+    said = as_text("motor", axis, answer)
+    assert "m/s/V" in said
+    assert "SI" not in said
+
+
+def test_what_cannot_be_told_from_zero_is_zero() -> None:
+    before = in_units()
+    noise = answer_of(measured(0.0003, 1e-3, 6), measured(2e-5, 1e-4, 5))
+    axis = load_text(before, "x", configs_dir()).axes["motor"]
+    after = edited(before, changes("motor", axis, noise, parse(before).value))
+    assert "      bias: 0 mV " in after
+    assert "      delay: 0 ms " in after
+    shipped = (configs_dir() / "virtual.yaml").read_text()
+    axis = load_text(shipped, "x", configs_dir()).axes["motor"]
+    found = changes("motor", axis, noise, parse(shipped).value)
+    assert [path[-1] for path in found] == [
+        "K_L",
+        "calibration",
+    ]  # what is zero already stays as it is written
+    with pytest.raises(CalibrationError, match="cannot be told from 0"):
+        changes("motor", axis, answer_of(measured(0.0, 1.0, 6), measured(0.0, 1.0, 5), 0.001), {})
 
 
 def test_gain_at_several_pressures_becomes_a_table_that_the_rig_file_reads(tmp_path: Path) -> None:
@@ -293,8 +355,8 @@ def test_gain_at_several_pressures_becomes_a_table_that_the_rig_file_reads(tmp_p
     edges = Edge(0.0201, 0.0202), Edge(0.0199, 0.0198)
     result = Result(statics[-1], *edges, measured(1e-5, 1e-5, 5), Response(17.0, 117.0, 0.21, 1e-5, 1e-3))
     answer = as_json(result, statics, "ok")
-    assert "K_L at 5e+06 Pa: 14" in as_text(name, answer)
-    replace_file(path, edited(before, changes(name, axis, answer)))
+    assert "K_L at 5e+06 Pa: 14" in as_text(name, axis, answer)
+    replace_file(path, edited(before, changes(name, axis, answer, parse(before).value)))
     gain = gain_of(load_rig(path).axes[name].K_L)
     assert [gain(ps) for ps in (4e6, 5e6, 5.75e6, 8e6, 9e6)] == pytest.approx([14.0, 14.0, 15.0, 17.5, 17.5])
 

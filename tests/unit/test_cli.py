@@ -10,10 +10,11 @@ from fake_loop import eventually, running
 from typer import BadParameter
 from typer.testing import CliRunner
 
-from seod import __version__, text
+from seod import __version__
 from seod.cli import app
 from seod.commands.over_tcp import read_assignments
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
+from seod.terminal import text
 
 
 def invoke(*words):
@@ -49,15 +50,15 @@ async def test_answers_for_people_and_for_programs():
     async with running() as run:
         run.loop.rows(1000)
         run.loop.fault("motor: too far")
-        await eventually(lambda: run.gateway.rig.axes["motor"].fault)
+        await eventually(lambda: run.rig.axes["motor"].fault)
         code, out, _ = await on(run, "get", "motor")
         assert code == 0
-        assert out.startswith("motor: fault\n  fault: motor: too far\n  settings: e_a = 0.5,")
+        assert out.startswith("motor: fault\n  fault: motor: too far\n  settings: e_a = 0.5 V,")
         _, out, _ = await on(run, "get", "--json")
         assert json.loads(out)["fault"]["code"] == "travel"
         _, out, _ = await on(run, "status")
         assert "fake: fault, driver virtual, 2000 Hz" in out
-        assert "truth of motor: K_L = 17, omega_n = 117, zeta = 0.21" in out
+        assert "truth of motor: K_L = 17 rad/s/V, omega_n = 117 rad/s, zeta = 0.21" in out
         assert "not real-time: this is a test" in out
         _, out, _ = await on(run, "status", "--json")
         assert json.loads(out)["rig"] == "fake"
@@ -66,7 +67,7 @@ async def test_answers_for_people_and_for_programs():
 async def test_watch_ends_after_so_many_estimates():
     async with running() as run:
         watching = asyncio.create_task(on(run, "watch", "--count", "2", "--for", "20"))
-        await eventually(lambda: run.gateway.rig._hub.wanted("estimate"))
+        await eventually(lambda: run.gateway.hub.wanted("estimate"))
         run.loop.rows(1000)
         code, out, _ = await watching
     assert (code, len(out.splitlines())) == (0, 2)
@@ -139,7 +140,7 @@ def test_attending_needs_a_port_that_is_known(tmp_path):
 
 def test_a_client_command_imports_nothing_heavy():
     heavy = "{'numpy', 'scipy', 'pydantic', 'yaml', 'can', 'cantools', 'rich'}"
-    code = f"import sys, seod.cli, seod.text; print(sorted({heavy} & sys.modules.keys()))"
+    code = f"import sys, seod.cli, seod.terminal.text; print(sorted({heavy} & sys.modules.keys()))"
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "[]\n"
@@ -160,6 +161,7 @@ def test_every_command_of_this_version_is_there():
             "latency",
             "calibrate",
             "diagnose",
+            "scrub",
             "simulate",
             "info",
             "export",

@@ -7,10 +7,10 @@ import pytest
 from fake_loop import blocking, eventually, running
 from rich.console import Console
 
-from seod import text
 from seod.client import Client, ClientError, EndedError, RequestError, UnreachableError
-from seod.ring import AxisState
-from seod.view import Board, watch
+from seod.processes.ring import AxisState
+from seod.terminal import text
+from seod.terminal.live_view import Board, watch
 
 TOKEN = "t" * 16
 
@@ -144,7 +144,7 @@ async def watched(run, out, count, before):
             watch(client, 20.0, count, out)
 
     async def excite():
-        await eventually(lambda: run.gateway.rig._hub.wanted("estimate"))
+        await eventually(lambda: run.gateway.hub.wanted("estimate"))
         before()
         run.loop.rows(2000)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from seod.config.busload import Bus, Frame, bits, classic_bits, fd_bits
-from seod.config.check import check
+from drivers.can_load import Bus, Frame, bits, classic_bits, fd_bits
+from drivers.serial_load import Line
+from seod.config.check import Report, check
 from seod.config.load import load_text
-from seod.config.traffic import can_traffic
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 from tests.unit.rig_texts import can_at_2_khz
 
 VIRTUAL = (configs_dir() / "virtual.yaml").read_text()
@@ -20,6 +20,12 @@ def report(text: str, *edits: tuple[str, str]):
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     return check(load_text(text, "x.yaml", configs_dir()))
+
+
+def bus_of(found: Report) -> Bus:
+    assert found.connection is not None
+    assert isinstance(found.connection.traffic, Bus)
+    return found.connection.traffic
 
 
 @pytest.mark.parametrize(
@@ -70,11 +76,10 @@ def test_load_is_the_part_of_the_time_that_the_bus_is_busy() -> None:
 
 def test_the_example_fits_its_bus_with_sensors_commands_and_known_rates() -> None:
     found = report(CAN)
-    assert found.bus is not None
-    assert [(f.name, f.length, f.rate_hz) for f in found.bus.frames] == [
+    assert [(f.name, f.length, f.rate_hz) for f in bus_of(found).frames] == [
         ("Encoder", 8, 2000.0), ("Supply", 4, 100.0), ("Valve", 4, 2000.0),
     ]  # fmt: skip
-    assert found.bus.load() == pytest.approx((135 * 2000 + 95 * 100 + 95 * 2000) / 1e6)
+    assert bus_of(found).load() == pytest.approx((135 * 2000 + 95 * 100 + 95 * 2000) / 1e6)
     assert (found.ok, found.exit_status, found.warnings) == (True, 0, ())
     assert "Encoder                      8   135      2000   27.0%" in str(found)
     assert str(found).endswith("verdict: ok")
@@ -85,8 +90,7 @@ def test_ticks_and_heartbeats_are_counted() -> None:
         "tick_frames: [{id: 0x80}]\n  heartbeat: [{id: 0x701, data: '05', period_s: 0.1, extended: true}]\n  "
     )
     found = report(CAN, ("max_in_flight: 3 ", sync + "max_in_flight: 3 "))
-    assert found.bus is not None
-    assert [(f.name, f.length, f.rate_hz, f.extended) for f in found.bus.frames[:2]] == [
+    assert [(f.name, f.length, f.rate_hz, f.extended) for f in bus_of(found).frames[:2]] == [
         ("0x80", 0, 2000.0, False), ("0x701", 1, 10.0, True),
     ]  # fmt: skip
 
@@ -94,8 +98,7 @@ def test_ticks_and_heartbeats_are_counted() -> None:
 def test_sensors_of_unknown_rate_are_taken_at_the_loop_rate_and_others_are_named() -> None:
     rates = CAN[CAN.index("  messages:\n") : CAN.index("  # start_frames")]
     found = report(CAN, (rates, ""), ("rate_hz: 2000\n  pace", "rate_hz: 1000\n  pace"))
-    assert found.bus is not None
-    assert [(f.name, f.rate_hz) for f in found.bus.frames] == [("Encoder", 1000.0), ("Valve", 1000.0)]
+    assert [(f.name, f.rate_hz) for f in bus_of(found).frames] == [("Encoder", 1000.0), ("Valve", 1000.0)]
     assert found.warnings == (
         "message Supply is not counted in the bus load: give driver.messages.Supply.rate_hz",
     )
@@ -114,9 +117,37 @@ def test_a_full_bus_is_warned_of_and_an_overfull_one_refused(bitrate: int, ok: b
 def test_a_sensor_slower_than_the_stale_limit_is_refused() -> None:
     found = report(CAN, ("rate_hz: 2000                #", "rate_hz: 50 #"))
     assert found.refusals == (
-        "sensors.angle comes each 0.02 s, guard.stale is 0.01 s: always stale",
-        "guard.estop comes each 0.02 s, guard.stale is 0.01 s: always stale",
+        "sensors.angle comes each 0.02 s, guard.stale is 0.01 s: always stale; "
+        "guard.stale must be at least two periods, 0.04 s",
+        "guard.estop comes each 0.02 s, guard.stale is 0.01 s: always stale; "
+        "guard.stale must be at least two periods, 0.04 s",
     )
+
+
+@pytest.mark.parametrize(("stale", "fits"), [("10 ms", False), ("19.9 ms", False), ("20 ms", True)])
+def test_stale_spans_two_periods_of_a_message(stale: str, fits: bool) -> None:
+    found = report(
+        CAN, ("rate_hz: 2000                #", "rate_hz: 100 #"), ("stale: 10 ms", f"stale: {stale}")
+    )
+    assert found.ok is fits
+    board = report(
+        SERIAL,
+        ("  rate_hz: 2000                   # samples", "  rate_hz: 100 # samples"),
+        ("stale: 50 ms", f"stale: {stale}"),
+    )
+    assert board.ok is fits
+
+
+def test_a_polarity_pulse_has_room_for_five_samples_of_a_slow_sensor() -> None:
+    slow = ("rate_hz: 2000                #", "rate_hz: 200 #")
+    pulse = ("movement: 30 mrad", "movement: 30 mrad\n      duration: 24 ms")
+    found = report(CAN, slow, pulse)
+    assert found.refusals == (
+        "axes.motor.polarity.duration is 0.024 s, it must be at least 0.025 s: "
+        "5 samples of the sensor, or left out",
+    )
+    assert report(CAN, slow, ("movement: 30 mrad", "movement: 30 mrad\n      duration: 25 ms")).ok
+    assert report(CAN, slow).ok
 
 
 def test_fd_messages_of_the_dbc_are_fd_frames(tmp_path) -> None:
@@ -127,7 +158,7 @@ def test_fd_messages_of_the_dbc_are_fd_frames(tmp_path) -> None:
     refusals = check(load_text(CAN, "x.yaml", tmp_path)).refusals
     assert refusals == ("Valve is an FD frame: set driver.fd: true, or make it classic in the DBC",)
     text = CAN.replace("dbc: motor.dbc", "dbc: motor.dbc\n  fd: true\n  data_bitrate: 4000000\n#")
-    bus = can_traffic(load_text(text, "x.yaml", tmp_path)).bus
+    bus = bus_of(check(load_text(text, "x.yaml", tmp_path)))
     assert {frame.name: frame.fd for frame in bus.frames} == {
         "Encoder": False,
         "Supply": False,
@@ -154,9 +185,19 @@ def test_missing_safety_is_asked_about_on_a_bus() -> None:
     assert str(found).endswith("verdict: ok, with warnings")
 
 
+def test_a_recording_needs_neither_estop_nor_watchdog(tmp_path) -> None:
+    (tmp_path / "run.mcap").touch()
+    config = load_text(VIRTUAL, "x.yaml", configs_dir())
+    guard = config.guard.model_copy(update={"rig_watchdog": None})
+    driver = {"kind": "replay", "file": str(tmp_path / "run.mcap")}
+    replayed = {"driver": driver, "guard": guard, "simulation": None}
+    found = check(config.model_copy(update=replayed))
+    assert (found.warnings, found.refusals) == ((), ())
+
+
 def test_the_rig_inside_the_daemon_needs_neither_estop_nor_bus() -> None:
     found = report(VIRTUAL, ("  rig_watchdog: 20 ms ", "  # "))
-    assert (found.bus, found.warnings) == (None, ())
+    assert (found.connection, found.warnings) == (None, ())
 
 
 def test_beliefs_that_differ_from_the_simulated_rig_are_told() -> None:
@@ -165,7 +206,7 @@ def test_beliefs_that_differ_from_the_simulated_rig_are_told() -> None:
     )
     assert found.warnings == (
         "guard.rig_watchdog is 0.02 s, simulation.watchdog_s is 0.05 s",
-        "axes.motor.K_L is 17, the simulated plant has 20: zeta will be off",
+        "axes.motor.K_L is 17 rad/s/V, the simulated plant has 20: zeta will be off",
     )
 
 
@@ -182,11 +223,12 @@ UART = ("  usb: true ", "  baud: 1000000 #")
 
 def test_the_serial_lines_load_is_that_of_its_bytes_each_way() -> None:
     told = report(SERIAL, UART)
-    assert told.line is not None
-    samples, commands = told.line.ways
+    line = told.connection.traffic
+    assert isinstance(line, Line)
+    samples, commands = line.ways
     # type, sequence, 8 of time, status and acknowledgement, 5 of inputs, CRC of 4, COBS, end; 10 bits a byte
     assert (samples.length, samples.rate_hz) == (2 + 8 + 5 + 4 + 1 + 1, 2000.0)
-    assert told.line.share(samples) == pytest.approx(21 * 10 * 2000 / 1e6)
+    assert line.share(samples) == pytest.approx(21 * 10 * 2000 / 1e6)
     assert commands.length == 2 + 2 + 4 + 1 + 1
     assert told.ok
     assert "42.0%" in str(told)

@@ -15,8 +15,9 @@ from drivers import driver_class
 from seod.config.check import check
 from seod.config.load import ConfigErrors, load_text
 from seod.config.model import RigConfig
+from seod.config.token_field import WITH_TOKENS
 from seod.config.yaml_lines import parse
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 EXAMPLES = [parse((configs_dir() / name).read_text()).value for name in ("virtual.yaml", "can.yaml")]
 TEXT = (configs_dir() / "can.yaml").read_text()
@@ -71,7 +72,7 @@ def judge(text: str) -> RigConfig | None:
     except ConfigErrors as caught:
         mistakes = caught
     else:
-        again = RigConfig.model_validate_json(config.model_dump_json())
+        again = RigConfig.model_validate_json(config.model_dump_json(context=WITH_TOKENS))
         assert again == config
         driver_class(again.driver["kind"]).Options.model_validate(again.driver)
         assert str(check(config))

@@ -7,7 +7,7 @@ import pytest
 from seod.config.gain import GainModel
 from seod.config.load import ConfigErrors, load_text
 from seod.config.model import RigConfig
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 VELOCITY = (configs_dir() / "virtual.yaml").read_text()
 EQ_9 = "K_L: {polynomial: [4.25, 2.72e-6, -0.134e-12], range: [5 MPa, 10 MPa]} #"

@@ -9,11 +9,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-import seod.paths
+import seod.files.shipped
 from seod.config.schema import FILE_NAME, rig_schema, schema_text
 from seod.config.units import UNITS, dimension_of, parse_quantity
 from seod.config.yaml_lines import parse
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 EXAMPLES = sorted(configs_dir().glob("*.yaml"))
 
@@ -98,12 +98,12 @@ def test_every_unit_has_a_positive_factor() -> None:
 
 
 def test_files_are_found_in_a_checkout_and_as_installed(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert configs_dir() == Path(seod.paths.__file__).parent.parent / "configs"
+    assert configs_dir() == Path(seod.files.shipped.__file__).parents[2] / "configs"
     installed = tmp_path / "prefix" / "share" / "seod" / "configs"
     installed.mkdir(parents=True)
     (installed / "virtual.yaml").write_text("")
-    monkeypatch.setattr(seod.paths, "__file__", str(tmp_path / "lib" / "seod" / "paths.py"))
-    monkeypatch.setattr(seod.paths.sysconfig, "get_path", lambda *_: str(tmp_path / "prefix"))
+    monkeypatch.setattr(seod.files.shipped, "__file__", str(tmp_path / "lib/seod/files/shipped.py"))
+    monkeypatch.setattr(seod.files.shipped.sysconfig, "get_path", lambda *_: str(tmp_path / "prefix"))
     assert configs_dir() == installed
     (installed / "virtual.yaml").unlink()
     with pytest.raises(FileNotFoundError, match=r"configs/virtual\.yaml"):

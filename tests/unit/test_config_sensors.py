@@ -14,7 +14,7 @@ from seod.config.model import RigConfig
 from seod.config.sensors import LinearConfig, sensor_or_none
 from seod.config.truth import truth
 from seod.config.units import parse_quantity, to_si
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 from tests.unit.test_config_load import VIRTUAL, edited, errors_of, line_of
 
 PLAIN = """  angle:

@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from seod.config.yaml_lines import MAX_DEPTH, Document, parse
+from seod.files.shipped import configs_dir
 
 
 def only_problem(text: str) -> tuple[int, str]:
@@ -76,9 +77,9 @@ def test_duplicate_keys_are_told_with_both_lines_at_any_depth() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "fragment"),
     [
-        ("a: 1\nb: [1, 2\nc: 3\n", 3, "not readable as YAML"),
+        ("a: 1\nb: [1, 2\nc: 3\n", 2, "the [ is never closed"),
         ("a: 1\nb:\n\tc: 1\n", 3, "tab"),
-        ("a: 1\nb: 'open\n", 3, "quoted scalar"),
+        ("a: 1\nb: 'open\n", 2, "the quote ' is never closed"),
         ("a: 1\n---\nb: 1\n", 2, "document"),
         ("a: &x 1\nb: 2\n", 1, "anchors"),
         ("a: 1\nb: *x\n", 2, "aliases"),
@@ -99,6 +100,78 @@ def test_what_is_not_a_rig_files_yaml_is_told_with_its_line(text: str, line: int
     found, message = only_problem(text)
     assert found == line
     assert fragment in message
+
+
+PARSER_WORDS = ("while ", "expected", "scalar", "mapping", "token", "stream", "block", "flow", "node")
+"""What nobody knows who has not written a parser."""
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message", "right"),
+    [
+        ('a: 1\nb: "open\nc: 2\nd: 3\n', 2, 'the quote " is never closed', 'a second "'),
+        ('a: 1\nb: "open\nc: "x"\nd: 2\n', 2, "begins here ends only in line 3", "a second quote"),
+        ('a: 1\n"b: 2\nc: 3\n', 2, 'the quote " is never closed', 'a second "'),
+        ("a: 1\nb: [1, 2\nc: 3\nd: 4\n", 2, "the [ is never closed", "a ]"),
+        ("a: 1\nb: {x: 1, y: 2\nc: 3\n", 2, "the { is never closed", "a }"),
+        ("a: 1\nb: {x: 1\n", 2, "the { is never closed", "a }"),
+        ("a: 1\nb: [1, 2}\nc: 2\n", 2, "the [ of line 2 is closed by }", "] instead"),
+        ("a: 1\nb: ]\n", 2, "a ] without a [", "both, or none"),
+        ("a: 1\nb: [", 2, "the [ is never closed", "a ]"),
+        ("a: [1, {x: \n\n", 1, "the { is never closed", "a }"),
+        ("a: [1, , 2]\n", 1, "',' where a value should stand", "a value"),
+        ("a: {x: 1 y: 2}\nb: 1\n", 1, "a comma is missing", "{a: 1, b: 2}"),
+        ("o: {a: 1,\n    b: 2 c: 3}\nd: 1\n", 2, "a comma is missing", "{a: 1, b: 2}"),
+        ("a: 1\nrelay\n  e_a: 1\nc: 2\n", 2, "`relay` has no colon", "`relay:`"),
+        ("axes:\n  motor:\n    relay\n      e_a: 1\n", 3, "`relay` has no colon", "`relay:`"),
+        ("a: 1\n\n# more\nb 2\n\nc: 3\n", 4, "`b 2` has no colon", "`b: 2`"),
+        ("a: 1\nb: 2\nc 3\n", 3, "`c 3` has no colon", "`c: 3`"),
+        ("a: 1\nb:2\nc: 3\n", 2, "`b:2` has no blank after its colon", "`b: 2`"),
+        ("a: 1\n\n  b: 2\nc: 3\n", 3, "`b: 2` is indented by 2 blanks, line 1 by 0", "as the keys beside it"),
+        ("a:\n    b: 1\n  c: 2\n", 3, "`c: 2` is indented by 2 blanks, line 2 by 4", "as the keys beside it"),
+        ("a: 1\nb: foo: bar\n", 2, "two keys in one line", '`b: "foo: bar"`'),
+        ("a:\n  b: 1\n  - c\n", 3, "an entry of a list (-) among keys", "a key of its own"),
+        ("a:\n  - 1\n  b: 2\n", 3, "among the entries of a list", "`- ` before each entry"),
+        ("a: - 1\n", 1, "a list with - cannot begin in the line of its key", "[a, b]"),
+        ("a: @x\n", 1, "a value cannot begin with @", "in quotes"),
+        ("a: *\nb: 1\n", 1, "would be a reference", "in quotes"),
+        ('a: "C:\\qq"\n', 1, "a backslash begins an escape", "single quotes"),
+        ("a: 'x' y\nb: 1\n", 1, "text after the closing quote", "a # before a comment"),
+        ("a: |x\n  b\n", 1, "after | or >", "in the lines below"),
+        ("a: 1\n---\nb: 1\n", 2, "a second document", "without ---"),
+        ("a: 1\n%x\n", 2, "`%x` stands where only a key can stand", "a key"),
+        ("a: &x 1\nb: &x 2\n", 1, "anchors (&)", ""),
+        ("a:\n\tb: 1\n", 2, "a tab", "blanks"),
+    ],
+)
+def test_the_parsers_words_become_plain_ones_at_the_line_of_the_mistake(
+    text: str, line: int, message: str, right: str
+) -> None:
+    (problem,) = parse(text).problems
+    assert (problem.line, message in problem.message, right in problem.right) == (line, True, True), problem
+    assert not [word for word in PARSER_WORDS if word in problem.message + problem.right]
+
+
+def test_a_token_in_a_broken_line_is_not_repeated() -> None:
+    for text in (
+        "server:\n  read_token hushhush\n  port: 1\n",
+        "server:\n  command_token:hushhush\n  port: 1\n",
+    ):
+        (problem,) = parse(text).problems
+        assert problem.line == 2
+        assert "hushhush" not in problem.message + problem.right
+
+
+@pytest.mark.parametrize("name", ["virtual.yaml", "can.yaml", "seat-can.yaml"])
+def test_a_rig_file_with_one_character_less_is_told_near_it(name: str) -> None:
+    """Each colon and bracket of a real file, taken out one at a time: told at its line or the next."""
+    text = (configs_dir() / name).read_text()
+    for at in [k for k, character in enumerate(text) if character in ":[]{}"]:
+        broken = text[:at] + text[at + 1 :]
+        line = text.count("\n", 0, at) + 1
+        for problem in parse(broken).problems:
+            assert abs(problem.line - line) <= 1, (line, text.splitlines()[line - 1], problem)
+            assert "not readable" not in problem.message, problem
 
 
 def test_a_merge_key_is_a_key_like_any_other() -> None:

@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import math
+import resource
 from contextlib import suppress
 
 import numpy as np
@@ -13,8 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seod.data import ReadError, open_source, read, source
+from seod.data import ReadError, csv_file, open_source, read
 from seod.data.dialect import detect, number
+from tests.damage.blows import bomb
 
 
 def write(tmp_path, text, name="run.csv", encoding="utf-8"):
@@ -136,10 +138,7 @@ def test_a_file_without_header_has_numbered_columns(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("t,u,y\n0,1,2\n1,2,3\n2,oops,4\n" + "3,4,5\n" * 9, r"row 4: column 'u': 'oops' is no number"),
-        ("t,u,y\n0,1,2\n1,2,3,4\n" + "3,4,5\n" * 60, r"row 3: has 4 cells, the header 3"),
-        ("t,u,y\n0,1,2\n1,2\n" + "3,4,5\n" * 60, r"row 3: has 2 cells, the header 3"),
-        ("t;u;y\n0,5;1;2\n1.5;1;2\n" + "3,5;4;5\n" * 60, r"row 3: column 't': '1\.5' is no number; .* comma"),
+        ("t;u;y\n0,5;1;2\n" + "1.5;1;2\n" * 30 + "3,5;4;5\n" * 60, r"row 3: column 't': '1\.5' .* comma"),
         ("t,y,y\n0,1,2\n1,2,3\n", r"two columns are named 'y'"),
         ("", "is empty"),
         ("# nothing\n", "is empty"),
@@ -157,11 +156,92 @@ def test_errors_name_the_place(text, message, tmp_path):
 
 
 def test_an_error_far_into_the_file_names_its_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(source, "BLOCK_ROWS", 100)
+    monkeypatch.setattr(csv_file, "BLOCK_ROWS", 100)
     lines = [f"{k},1,2" for k in range(5000)]
-    lines[4321] = "4321,1,two"
-    with pytest.raises(ReadError, match=r"row 4323: column 'y': 'two'"):
+    lines[4321:4621] = ["4321,1,two"] * 300
+    with pytest.raises(ReadError, match=r"row 4323: column 'y': 'two' is no number; .*; so in \d+ rows"):
         read(write(tmp_path, "t,u,y\n" + "\n".join(lines) + "\n"))
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "message", "rows"),
+    [
+        ("20,oops,4", "damaged", "row 22: column 'u': 'oops' is no number; expected a number", 99),
+        ("20,1,2,3", "unread", "row 22: has more cells than the header's 3: those are left out", 99),
+        ("battery low", "unread", "row 22: is left out: it has fewer cells than the header's 3: 'batt", 98),
+        ("20,1\x00,2\x1b[31m", "damaged", r"row 22: column 'u': '1\x00' is no number", 99),
+        (
+            "20,1," + "2" * (1 << 20),
+            "damaged",
+            "row 22: is left out: it has more than 1048576 characters",
+            98,
+        ),
+        ('20,"1,2', "unread", "row 23: is left out: it has fewer cells than the header's 3: '20 1,2", 97),
+    ],
+)
+def test_a_line_that_is_none_costs_itself(line, kind, message, rows, tmp_path):
+    lines = [f"{k},1,2" for k in range(99)]
+    lines[20] = line
+    if '"' in line:
+        lines[21] = '"'  # a quote ends somewhere
+    recording = read(write(tmp_path, "t,u,y\n" + "\n".join(lines) + "\n"))
+    assert len(recording.t) == rows
+    told = [p for p in recording.problems if p.kind == kind]
+    assert told, recording.problems
+    assert message in told[0].message
+    assert told[0].message.isprintable()
+
+
+def test_lines_of_the_same_kind_are_told_once(tmp_path):
+    text = "t [s],u,y\n" + "".join(f"{k},1,2,\n" if k % 3 == 1 else f"{k},1,2\n" for k in range(90))
+    recording = read(write(tmp_path, text))
+    assert len(recording.t) == 90
+    (told,) = (p.message for p in recording.problems)
+    assert told == "row 3: has more cells than the header's 3: those are left out; so in 30 rows"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t [s],u,y\n" + "".join(f"{k},1,{k / 2},\n" for k in range(90)),
+        "t [s],u,y\n" + "".join(f"{k},1,{k / 2},7,8\n" if k % 3 else f"{k},1,{k / 2}\n" for k in range(90)),
+        "t [s],u,y,\n" + "".join(f"{k},1,{k / 2}\n" for k in range(90)),
+        "logger 7\nt [s];u [V];y;\n" + "".join(f"{k};1;{k / 2}\n" for k in range(90)),
+    ],
+    ids=["rows end in a comma", "two more", "the header ends in a comma", "with units"],
+)
+def test_a_header_that_is_shorter_or_longer_than_the_rows_names_them_still(text, tmp_path):
+    recording = read(write(tmp_path, text))
+    assert recording.y.tolist() == [k / 2 for k in range(90)]
+    told = [p.message for p in recording.problems]
+    assert (told != []) == (not text.startswith(("t [s],u,y,", "logger")))
+    assert all("more cells than the header's 3" in each for each in told)
+
+
+def test_a_file_that_goes_on_in_another_encoding_is_read_on(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_bytes(
+        "".join(["t,u,y,n\n", *(f"{k},1,2,a\n" for k in range(20_000))]).encode() + b"20000,1,2,\xb0\n"
+    )
+    assert read(path).t[-1] == 20_000.0
+
+
+def test_a_small_file_cannot_take_much_memory(tmp_path):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(bomb(b"1", 1 << 29))
+    with pytest.raises(ReadError, match=r"run\.csv\.gz"):
+        read(path)
+    text = b"t,u,y\n" + b"".join(b"%d,1,2\n" % k for k in range(20_000))
+    path.write_bytes(gzip.compress(text) + bomb(b"1", 1 << 29))
+    before = peak_mb()
+    recording = read(path)
+    assert peak_mb() - before < 100.0
+    assert len(recording.t) == 20_000
+    assert any("more than 1048576 characters" in p.message for p in recording.problems)
+
+
+def peak_mb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def test_a_last_row_that_is_cut_off_is_left_out_and_said(tmp_path):
@@ -172,7 +252,7 @@ def test_a_last_row_that_is_cut_off_is_left_out_and_said(tmp_path):
 
 def test_a_gzip_file_that_is_cut_off_is_read_as_far_as_it_goes(tmp_path):
     noise = np.random.default_rng(1).normal(size=20_000)
-    text = "t,u,y\n" + "".join(f"{k},{x!r},1\n" for k, x in enumerate(noise.tolist()))
+    text = "t [s],u,y\n" + "".join(f"{k},{x!r},1\n" for k, x in enumerate(noise.tolist()))
     path = tmp_path / "run.csv.gz"
     data = gzip.compress(text.encode())
     path.write_bytes(data[: len(data) * 2 // 3])
@@ -183,8 +263,6 @@ def test_a_gzip_file_that_is_cut_off_is_read_as_far_as_it_goes(tmp_path):
 
 
 def test_blocks_are_read_one_at_a_time(tmp_path, monkeypatch):
-    from seod.data import csv_file
-
     monkeypatch.setattr(csv_file, "BLOCK_ROWS", 1000)
     path = write(tmp_path, "t,u,y\n" + "".join(f"{k},1,2\n" for k in range(3500)))
     with open_source(path) as opened:
@@ -256,3 +334,11 @@ def test_a_header_that_does_not_fit_is_not_taken_for_one():
     found = detect(b"x\nt,u,y\n1,2,3\n4,5,6\n", "x", complete=True)
     assert [column.name for column in found.columns] == ["t", "u", "y"]
     assert found.first == 3
+
+
+def test_a_cell_of_300_000_digits_is_damage_and_takes_no_time(tmp_path):
+    """Its conversion takes time that grows with the square of its length, once for each dialect tried."""
+    assert number("1" * 300_000, ".") is None
+    rows = [f"{k / 100},{k % 2},{'1' * 300_000 if k == 40 else k}" for k in range(100)]
+    recording = read(write(tmp_path, "t,u,y\n" + "\n".join(rows) + "\n"))
+    assert len(recording.t) == 99 or not np.isfinite(recording.y[40])

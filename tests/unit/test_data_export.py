@@ -28,7 +28,7 @@ from seod.data.progress import shown
 from seod.data.show import as_text, picture
 from seod.data.source import Column, Group, Table
 from seod.data.summary import Envelope, summarize
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 FORMATS = ("csv", "parquet", "mat", "mdf")
 SUFFIX = {"csv": "csv", "parquet": "parquet", "mat": "mat", "mdf": "mf4"}

@@ -15,11 +15,11 @@ from record_rows import OFFSET_NS, about, rows
 from seod.data import ReadError, open_source, read
 from seod.data.mcap_rows import JsonRows, TickRows, rows_group
 from seod.data.source import BLOCK_ROWS, Column, Group
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
+from seod.processes.ring import FLAG_FRESH
 from seod.record.csv_recorder import CsvLines, header
 from seod.record.layout import encode
 from seod.record.mcap_file import McapFile
-from seod.ring import FLAG_FRESH
 
 T = np.arange(500) * 0.01
 U = np.sign(np.sin(7.0 * T))
@@ -239,7 +239,8 @@ def test_a_recording_in_mcap_reads_as_the_one_in_csv(axes, tmp_path):
     by_csv, _ = contents(tmp_path / "a.csv")
     for name, values in by_csv[""].items():
         np.testing.assert_array_equal(by_mcap["rows"][name], values, err_msg=name)
-    told = [read(tmp_path / f"a.{suffix}", axis=axes[-1]) for suffix in ("mcap", "csv")]
+    named = axes[-1] if len(axes) > 1 else None  # columns of a single axis do not say its name
+    told = read(tmp_path / "a.mcap", axis=axes[-1]), read(tmp_path / "a.csv", axis=named)
     for role in ("t", "u", "y", "t_u", "ps"):
         np.testing.assert_array_equal(getattr(told[0], role), getattr(told[1], role))
     assert told[0].temperature is None

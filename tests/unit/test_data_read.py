@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from seod.data import ReadError, read
+from seod.data import ReadError, open_source, read
 from seod.data.align import commands, held
 from seod.data.clock import Clock
 from seod.data.columns import parse_pairs, resolve
 from seod.data.source import Column, Group, Table
+from seod.data.summary import summarize
 from seod.data.units import split_header
 
 SHARED = Path(os.environ.get("SEOD_SHARED", Path(__file__).parents[3] / "shared")) / "data"
@@ -176,6 +177,22 @@ def test_a_clock_sees_the_same_in_one_block_or_in_many(t, cuts):
     assert (many.count, many.longest) == (whole.count, whole.longest)
 
 
+@settings(deadline=None)
+@example([[-1e308, 1e308, 1.0]])
+@given(st.lists(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=20), max_size=4))
+def test_whatever_times_a_recording_holds_those_kept_rise_and_each_row_left_out_is_told(blocks):
+    clock, kept, row = Clock(Path("x"), "t"), [], 0
+    for block in blocks:
+        t = np.array(block, float)
+        kept += t[clock.add(t, np.arange(row, row + len(t)))].tolist()
+        row += len(t)
+    assert all(a < b for a, b in pairwise(kept))
+    told = rows_of(clock.problems())
+    left_out = sum(len(told.get(kind, [])) for kind in ("missing", "duplicate", "decreasing"))
+    assert left_out == row - len(kept)
+    assert clock.rate_hz > 0.0 or len(kept) < 2
+
+
 # Values
 
 
@@ -273,3 +290,40 @@ def test_real_records_as_they_are_and_under_foreign_names(name, rows, first, las
     for role in ("t", "u", "y"):
         assert getattr(again, role).tolist() == getattr(recording, role).tolist()
     assert recording.rows[0] + 2 == again.rows[0]
+
+
+def slow_file(folder, name, scale, header="t,u,y"):
+    """60 samples at 100 Hz, times as whole numbers in another unit."""
+    path = folder / name
+    path.write_text(f"{header}\n" + "".join(f"{k * scale},1,{k % 7}\n" for k in range(60)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("scale", "told"), [(10, "`--units t=ms` says ms (100 Hz)"), (10_000, "t=us` us (100 Hz)")]
+)
+def test_times_in_another_unit_are_asked_about_and_never_changed(scale, told, tmp_path):
+    path = slow_file(tmp_path, "run.csv", scale)
+    recording = read(path)
+    assert recording.t[1] == scale
+    (problem,) = [p for p in recording.problems if p.kind == "unit"]
+    assert told in problem.message
+    with open_source(path) as source:
+        assert [p.kind for p in summarize(source).problems] == ["unit"]
+    for unit in ("ms", "s"):
+        assert not [p for p in read(path, units={"t": unit}).problems if p.kind == "unit"]
+    assert not [
+        p for p in read(slow_file(tmp_path, "b.csv", scale, "t [s],u,y")).problems if p.kind == "unit"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("t_ms", 1e-3), ("time_us", 1e-6), ("millis", 1e-3), ("micros", 1e-6)]
+)
+def test_times_whose_name_tells_their_unit_are_taken_so_and_it_is_said(name, factor, tmp_path):
+    path = slow_file(tmp_path, "run.csv", 10, f"{name},u,y")
+    recording = read(path, columns={"t": name})
+    assert recording.t[1] == pytest.approx(10 * factor)
+    (said,) = [p.message for p in recording.problems]
+    assert f"column {name!r} is taken as" in said
+    assert read(path, columns={"t": name}, units={"t": "s"}).t[1] == 10.0

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-import seod.diagnose.run as run_module
+import seod.diagnose.command as command_module
 from seod.cli import app
 from seod.commands.common import rising
 from seod.config.load import load_rig
 from seod.data import read
-from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.run import output_of, unit_of
+from seod.diagnose.command import Options, command_line, output_of, unit_of
+from seod.diagnose.result import DiagnoseError
 from seod.diagnose.show.bootstrap import with_intervals
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 VIRTUAL = configs_dir() / "virtual.yaml"
 
@@ -49,7 +51,7 @@ def asked(monkeypatch, answer):
         calls.append((recordings, holdout, options))
         return answer
 
-    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    monkeypatch.setattr(command_module, "diagnose", diagnose)
     return calls
 
 
@@ -63,7 +65,7 @@ def test_a_table_and_sentences(asked, recording):
     assert result.stdout.startswith("The baseline misses coulomb_friction")
     assert "level" in result.stdout
     ((recordings, holdout, options),) = asked
-    assert (len(recordings), len(holdout), options.output) == (1, 0, "position")
+    assert (len(recordings), len(holdout), options.output, options.usual) == (1, 0, None, "position")
 
 
 def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
@@ -81,7 +83,7 @@ def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answe
 def test_the_folder_holds_report_and_a_rig_that_loads(asked, recording, tmp_path):
     out = tmp_path / "deep" / "found"
     result = typed(recording, "--out", out)
-    assert f"{out / 'extended.yaml'}" in result.stdout
+    assert f"{out / 'extended.yaml'}: the extended rig, for `seod run` (port 7610)" in result.stdout
     assert sorted(path.name for path in out.iterdir()) == [
         "diagnosis.json",
         "extended-can.yaml",
@@ -154,7 +156,7 @@ def test_a_recording_that_tells_nothing_is_no_traceback(monkeypatch, recording):
     def diagnose(*_):
         raise DiagnoseError("run.csv: the command u never changes")
 
-    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    monkeypatch.setattr(command_module, "diagnose", diagnose)
     result = typed(recording)
     assert (result.exit_code, result.stderr) == (1, "seod: run.csv: the command u never changes\n")
 
@@ -184,7 +186,7 @@ def test_what_the_reader_left_out_is_told(asked, monkeypatch, recording, tmp_pat
     def diagnose(recordings, *_):
         raise DiagnoseError(f"has {len(recordings[0].t)} samples")
 
-    monkeypatch.setattr(run_module, "diagnose", diagnose)
+    monkeypatch.setattr(command_module, "diagnose", diagnose)
     said = typed(backwards).stderr
     assert "has 1 samples; " in said
     assert "goes back in time" in said
@@ -197,3 +199,22 @@ def test_what_y_is_comes_from_its_unit_then_from_the_rig(recording):
     bare = replace(read(recording), units={"y": ""})
     assert output_of(bare, None, None) == "position"
     assert output_of(bare, servo, "motor") == "velocity"
+
+
+def test_the_command_is_told_as_it_can_be_typed_again():
+    told = command_line([Path("a b.csv"), Path("c.csv")], Options())
+    assert told == "seod diagnose 'a b.csv' c.csv"
+    asked = Options(
+        holdout=[Path("later.csv")],
+        out=Path("found"),
+        output="velocity",
+        units="y=mm",
+        between=(2.0, math.inf),
+        effort="quick",
+        gain=0.05,
+        relevance=0.03,
+    )
+    assert command_line([Path("c.csv")], asked) == (
+        "seod diagnose c.csv --holdout later.csv --out found --output velocity --gain 0.05 --units y=mm "
+        "--between 2: --effort quick --relevance 3"
+    )

@@ -11,15 +11,18 @@ from diagnose_models import sized_model
 from plant_truth import PLACE, Plant
 
 from seod.data import Recording
-from seod.diagnose.coarse import beyond, noise_beneath, readings
-from seod.diagnose.contact import contacts, smooth
-from seod.diagnose.coordinates import STIFFEST, Scales, further_causes
-from seod.diagnose.fit import fit, settle, weighted
-from seod.diagnose.intervals import covariance, effect_parameters
-from seod.diagnose.score import held_out
-from seod.diagnose.simulate import LOOSE, inside, simulate
-from seod.diagnose.states import begun_states, simulated_states
-from seod.diagnose.windows import Cut, cut, pieces, series
+from seod.diagnose.causes.friction import STIFFEST_LUGRE
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import further_causes
+from seod.diagnose.fitting.backlash_jumps import contacts, smooth
+from seod.diagnose.fitting.held_out import simulate_held_out
+from seod.diagnose.fitting.initial_states import begun_states, simulated_states
+from seod.diagnose.fitting.least_squares import fit, settle, weighted
+from seod.diagnose.fitting.simulate import LOOSE, inside, simulate
+from seod.diagnose.fitting.uncertainty import covariance, effect_parameters
+from seod.diagnose.record.coarse_sensor import beyond, noise_beneath, readings
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import Cut, cut, segments
 from sim.parameters import parameters
 
 pytestmark = pytest.mark.slow
@@ -86,7 +89,7 @@ def test_a_play_is_found_from_jumps_of_the_speed(begin):
     x = model.searched(TRUTH | {"zeta": 0.6, "backlash.gap": begin * 0.03})
     found = fit(model, windows, x, simulated_states(model, x, windows), most=30)
     assert model.values(found.x)["backlash.gap"] == pytest.approx(0.03, rel=0.03)
-    assert held_out(model, found.x, aside).adequacy < 1.15
+    assert simulate_held_out(model, found.x, aside).adequacy < 1.15
 
 
 def test_a_jump_is_a_ramp_whose_place_moves_with_the_contact():
@@ -179,14 +182,14 @@ def test_friction_that_gives_way_is_found_with_its_bristles():
     model, (windows, aside) = model_of(one, "coulomb_friction"), cut([one])
     x = model.searched(TRUTH | {"coulomb_friction.level": 150.0})
     dry = fit(model, windows, x, simulated_states(model, x, windows), most=30)
-    assert held_out(model, dry.x, aside).adequacy > 3.0
+    assert simulate_held_out(model, dry.x, aside).adequacy > 3.0
     more = model.with_effect("lugre_friction")
     x = more.searched(model.values(dry.x) | {"lugre_friction.stiffness": 1e4, "lugre_friction.damping": 50.0})
     found = fit(more, windows, x, simulated_states(more, x, windows), most=40)
     values = more.values(found.x)
     assert values["coulomb_friction.level"] == pytest.approx(200.0, rel=0.01)
     assert values["lugre_friction.stiffness"] == pytest.approx(4e4, rel=0.05)
-    assert held_out(more, found.x, aside).adequacy < 1.15
+    assert simulate_held_out(more, found.x, aside).adequacy < 1.15
 
 
 @pytest.mark.parametrize("part", [0.2, 0.5, 1.0, 1.8])
@@ -218,7 +221,7 @@ def test_windows_that_begin_in_motion_keep_their_bristles_within_what_they_bend(
         plant.command(u[k])
     y += random.normal(0.0, 0.01 * np.std(y), len(y))
     one = series(Recording((Path("steps.csv"),), t, u, y, None, None, None, np.arange(len(u)), {}, {}, ()))
-    few = pieces(cut([one])[0])
+    few = segments(cut([one])[0])
     rough = Scales(1.0, 10.0, 600.0, 0.0, 1.0, 0.5, 40.7, 8.0, 1.0 / RATE)
     plain, model = (
         sized_model(one, rough, size, names)
@@ -249,7 +252,7 @@ def test_bristles_come_and_go_with_the_friction_that_they_bear():
         | {"lugre_friction.stiffness": 1e9, "lugre_friction.damping": 1.0}
     )
     record = both.record(stiff)  # no stiffer than the level there is
-    stiffest = STIFFEST / model.scales.swing * record["coulomb_friction_level"][0]
+    stiffest = STIFFEST_LUGRE / model.scales.swing * record["coulomb_friction_level"][0]
     assert record["lugre_friction_stiffness"][0] == pytest.approx(min(stiffest, 1e9))
     assert stiffest < 1e3
     dull = both.record(both.searched(TRUTH | both.values(stiff) | {"lugre_friction.damping": 1e6}))

@@ -20,7 +20,7 @@ from seod.diagnose.extend.model import Model
 from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 from seod.simulate.view import AxisView
 from sim.can_rig import CanRig
 
@@ -136,7 +136,16 @@ def test_into_the_users_own_file_with_its_comments():
     assert (plant.K_L, plant.omega_n, plant.zeta, plant.noise) == (16.0, 110.0, 0.25, 2e-3)
     assert plant.effects == EFFECTS
     assert "# The truth of the simulated rig, in SI units" in after
-    assert after.split("simulation:")[0] == text.split("simulation:")[0]
+    assert after.split("simulation:")[0] == text.split("simulation:")[0].replace("port: 7600", "port: 7610")
+
+
+def test_neither_form_takes_the_port_of_a_daemon_that_runs(recorded):
+    text = new_rig_file(Model(17.0, 117.0, 0.21), seen(read(recorded), False), False, "x.csv")
+    own = into_config(VIRTUAL.read_text(), load_rig(VIRTUAL), "motor", Model(17.0, 117.0, 0.21))
+    for each in (text, own, on_can(text, 500.0)):
+        assert "\n  port: 7610" in each
+    new = load_text(text, "new", VIRTUAL.parent)
+    assert (new.server.port, new.simulation.control_port) == (7610, 7611)
 
 
 def test_units_and_volts_of_the_plant_are_its_own():

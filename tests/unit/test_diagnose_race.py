@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, ZETA, linear, multisine, recording
 
-from seod.diagnose.begin import _rough, baseline, scales
-from seod.diagnose.budget import FURTHER_S, LONG, Budget, further_s
-from seod.diagnose.cell import DELAYS
-from seod.diagnose.coordinates import Scales, group, plain_form, remote
-from seod.diagnose.fit import Search, fit
-from seod.diagnose.model import baseline_model
-from seod.diagnose.screen import FIRST, Entrant, Runner, best_starts, screen
-from seod.diagnose.select import BEAM, RICHER, SECOND, survivors
-from seod.diagnose.states import simulated_states
-from seod.diagnose.windows import cut, pieces, series, sparse
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import DELAYS, further_causes, group, plain_form, remote
+from seod.diagnose.fitting.initial_states import settled_states, simulated_states
+from seod.diagnose.fitting.least_squares import LeastSquares, fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, segments, sparse
+from seod.diagnose.search.beam import BEAM_WIDTH, RICHER_GAIN, SECOND_PLANTS, survivors
+from seod.diagnose.search.budget import EFFORTS, FURTHER_S, LONG_ROWS, SEARCH_S, Budget
+from seod.diagnose.search.race import FIRST_TRIED, Entrant, Runner, best_starts, extended, promising
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.baseline import _rough, baseline
+from seod.diagnose.starts.sizes import scales
 
 pytestmark = pytest.mark.slow
 
@@ -48,8 +51,8 @@ def test_richer_forms_of_friction_have_a_plain_one(names, plain):
 
 def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():
     plain, other = fitted(-3.0, "coulomb_friction"), fitted(-2.0, "backlash")
-    little = fitted(-3.0 - 0.9 * RICHER, "stribeck_friction")
-    much = fitted(-3.0 - 1.1 * RICHER, "stribeck_friction")
+    little = fitted(-3.0 - 0.9 * RICHER_GAIN, "stribeck_friction")
+    much = fitted(-3.0 - 1.1 * RICHER_GAIN, "stribeck_friction")
     assert survivors([little, plain, other]) == [plain, other]
     assert survivors([much, plain, other]) == [much, plain, other]
     assert survivors([little, other]) == [little, other]
@@ -57,12 +60,15 @@ def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():
 
 def test_of_each_set_the_best_is_grown_and_of_some_a_second_plant():
     some = [fitted(-9.0 + k, name) for k, name in enumerate(["a", "b", "c", "d"])]
-    assert survivors(some) == some[:BEAM]
+    assert survivors(some) == some[:BEAM_WIDTH]
     alike, apart = fitted(-8.9, "a", omega_n=110.0), fitted(-8.8, "a", omega_n=200.0)
-    assert survivors([some[0], alike, apart, *some[1:]]) == [*some[:BEAM], apart]
-    assert survivors([some[0], fitted(-7.9, "a", zeta=0.9), *some[1:]]) == some[:BEAM]
+    assert survivors([some[0], alike, apart, *some[1:]]) == [*some[:BEAM_WIDTH], apart]
+    assert survivors([some[0], fitted(-7.9, "a", zeta=0.9), *some[1:]]) == some[:BEAM_WIDTH]
     seconds = [fitted(-8.5, "a", zeta=0.9), fitted(-7.9, "b", zeta=0.9), fitted(-6.9, "c", zeta=0.9)]
-    assert survivors([some[0], seconds[0], *some[1:], *seconds[1:]]) == [*some[:BEAM], *seconds[:SECOND]]
+    assert survivors([some[0], seconds[0], *some[1:], *seconds[1:]]) == [
+        *some[:BEAM_WIDTH],
+        *seconds[:SECOND_PLANTS],
+    ]
 
 
 def test_of_a_contact_another_plant_goes_on_too():
@@ -80,21 +86,21 @@ def late():
     """A screen of a plant whose spool lags, and Eq. 1 fitted to it."""
     u = multisine(6000)
     few, _ = cut([series(recording(u, linear(u, lag=0.004)))])
-    screened = screen(pieces(few), map, Budget(time.process_time, 1e6))
+    screened = screen(segments(few), map, Budget(seconds=1e6))
     begun = baseline(screened.cut, False, {})
     model = replace(begun.best.model, scales=scales(begun.near, screened.cut))
-    return screened, replace(begun.best, model=model, start=screened.start(model, begun.best.x))
+    return screened, replace(begun.best, model=model, start=settled_states(model, begun.best.x, screened.cut))
 
 
 @pytest.fixture(scope="module")
 def long():
     """A screen of a recording of many windows, and Eq. 1 at its plant."""
     u = multisine(30000)
-    windows = pieces(cut([series(recording(u, linear(u)))])[0])
+    windows = segments(cut([series(recording(u, linear(u)))])[0])
     model = baseline_model(_rough(windows, OMEGA_N), 1.0, False, {})
     x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
     right = fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
-    return screen(windows, map, Budget(time.process_time, 1e6)), right
+    return screen(windows, map, Budget(seconds=1e6)), right
 
 
 def watched(long, at, size):
@@ -118,7 +124,7 @@ def test_a_window_that_alone_shows_something_is_watched(long):
         assert list(fitted_to) == sorted(fitted_to)
     assert watched(long, aside, 2.0) == (few, screened.cut.windows)
     u = np.where(np.sin(0.5 * OMEGA_N * np.arange(20000) / 1000.0) < 0.0, -1.0, 1.0)
-    relayed = screen(pieces(cut([series(recording(u, linear(u)))])[0]), map, Budget(time.process_time, 1e6))
+    relayed = screen(segments(cut([series(recording(u, linear(u)))])[0]), map, Budget(seconds=1e6))
     assert relayed.watching(right) is relayed
 
 
@@ -132,11 +138,11 @@ def test_what_promises_most_is_tried_first_and_starts_far_away_soon(late):
     screened, parent = late
     names = ["load_bias", "asymmetric_gain", "parameter_drift", "coulomb_friction", "valve_deadband"]
     begun = entrants(parent, [*names, *DELAYS, "valve_saturation", "square_root_flow"])
-    tried = screened.promising(begun)
+    tried = promising(screened, begun)
     assert sorted(map(id, tried)) == sorted(map(id, begun))
     assert tried[0].name in DELAYS
     far = [k for k, one in enumerate(tried) if remote(one.start)]
-    assert far == list(range(FIRST, FIRST + len(far)))
+    assert far == list(range(FIRST_TRIED, FIRST_TRIED + len(far)))
     assert {one.name for one in tried[-3:]}.isdisjoint(DELAYS)
 
 
@@ -154,23 +160,24 @@ def test_a_race_leaves_out_what_it_has_no_time_for(late):
     among = ["valve_lag", "load_bias", "coulomb_friction", "backlash"]
     hurried = replace(screened, each=each, budget=budget)
     names = [name for name in group_names(parent) if name not in among]
-    found = hurried.extended([parent], names)
+    found = extended(hurried, [parent], names)
     assert found[0].model.names == ("valve_lag",)
     assert not budget.missed
     now[0] = 99.0
-    assert hurried.extended([parent], names) == []
+    assert extended(hurried, [parent], names) == []
     assert budget.missed
 
 
 def group_names(parent):
-    from seod.diagnose.coordinates import further_causes
 
     return further_causes(parent.model.scales, parent.model.names)
 
 
 def test_a_short_recording_is_searched_for_longer():
-    assert further_s(0) == FURTHER_S
-    assert further_s(LONG) == further_s(10 * LONG) == 0.0
+    assert Budget.of(0, "normal").total == SEARCH_S + FURTHER_S
+    assert Budget.of(LONG_ROWS, "normal").total == Budget.of(10 * LONG_ROWS, "normal").total == SEARCH_S
+    assert Budget.of(0, "quick").total == EFFORTS["quick"] * (SEARCH_S + FURTHER_S)
+    assert Budget.of(0, "thorough").total == math.inf
     now = [0.0]
     budget = Budget(lambda: now[0], 10.0, 5.0)
     later, share = budget.last_fit(), budget.share(0.4)
@@ -195,7 +202,7 @@ def test_a_lag_that_no_sample_shows_is_not_searched():
 
 def test_parameters_asked_for_again_are_those_of_the_numbers_given(late):
     _, parent = late
-    search = Search(parent.model, parent.cut, map, np.ones(3, np.bool_))
+    search = LeastSquares(parent.model, parent.cut, map, np.ones(3, np.bool_))
     x = parent.x.copy()
     first = search.record(x)
     assert search.record(parent.x) is first

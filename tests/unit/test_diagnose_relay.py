@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -21,24 +20,29 @@ from relay_records import (
     searched,
 )
 
-from seod.diagnose import judge
-from seod.diagnose.begin import baseline, scales
-from seod.diagnose.budget import Budget
-from seod.diagnose.cell import Cell
-from seod.diagnose.coordinates import DAMPED_BY_RELAY, GAINS, Scales, searched_causes
-from seod.diagnose.fit import Fitted, fit, settle
-from seod.diagnose.judge import refined, settled
-from seod.diagnose.screen import screen
-from seod.diagnose.simulate import simulate
-from seod.diagnose.states import (
+from seod.diagnose.causes.base import DAMPED_BY_RELAY
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import hidden_by_relay, searched_causes
+from seod.diagnose.fitting.initial_states import (
     alike_states,
     begun_states,
     best_states,
     carried_states,
     measured_places,
+    settled_states,
     simulated_states,
 )
-from seod.diagnose.windows import Cut, cut, pieces, sparse
+from seod.diagnose.fitting.least_squares import Fitted, fit, settle
+from seod.diagnose.fitting.simulate import simulate
+from seod.diagnose.record.windows import Cut, cut, segments, sparse
+from seod.diagnose.search import refine
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.search.race import extended
+from seod.diagnose.search.refine import refined, settled
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.baseline import baseline
+from seod.diagnose.starts.relay.plant import GridPlant
+from seod.diagnose.starts.sizes import scales
 from sim.effects import EFFECTS
 
 pytestmark = pytest.mark.slow
@@ -70,7 +74,7 @@ def test_the_growth_of_a_limit_cycle_is_not_tried():
 
 def test_commands_of_another_kind_keep_all_samples():
     one, _ = recorded("stalls")
-    other = replace(one, u=np.sin(7.0 * T))
+    other = replace(one, u=np.sin(7.0 * T), levels=N)
     windows = cut([other])[0]
     same = sparse(windows)
     assert same.windows == windows.windows
@@ -89,15 +93,17 @@ def test_where_in_its_play_a_load_was_at_rest_is_found():
 
 def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(monkeypatch):
     one = recorded("lost")[0]
-    windows = pieces(cut([one])[0]).only((0, 1))
+    windows = segments(cut([one])[0]).only((0, 1))
     model = model_of(one, *LOST)
     far = searched(model, LOST, zeta=0.5)
-    truth = Cell(0.0, *TRUTH.values(), 0.0, 0.1, {"coulomb_friction.level": 5000.0, "backlash.gap": 0.3}, {})
-    screened = replace(screen(windows, map, Budget(time.process_time, 1e6)), cells=(truth,))
+    truth = GridPlant(
+        0.0, *TRUTH.values(), 0.0, 0.1, {"coulomb_friction.level": 5000.0, "backlash.gap": 0.3}, {}
+    )
+    screened = replace(screen(windows, map, Budget(seconds=1e6)), grid_plants=(truth,))
     begun = fit(model, windows, far, simulated_states(model, far, windows), 0)
     ends = []
     for uneven in (False, True):
-        monkeypatch.setattr(judge, "_uneven", lambda found, uneven=uneven: uneven)
+        monkeypatch.setattr(refine, "_uneven", lambda found, uneven=uneven: uneven)
         ends.append(refined(begun, windows, screened).excess)
     assert ends[1] < 1.1 < ends[0]
 
@@ -107,42 +113,42 @@ def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(mo
 )
 def test_windows_are_fitted_unevenly_where_only_some_are_down_to_the_noise(squares, uneven):
     one = recorded("stalls")[0]
-    windows = pieces(cut([one])[0]).only((0, 1))
+    windows = segments(cut([one])[0]).only((0, 1))
     model = model_of(one)
     x = model.searched(TRUTH)
     found = fit(model, windows, x, simulated_states(model, x, windows), 0)
     told = replace(found, error=np.array(squares) * windows.allowed**2)
-    assert judge._uneven(told) is uneven
+    assert refine._uneven(told) is uneven
 
 
 def test_plain_friction_is_also_tried_on_bristles():
     """Where plain friction is far from the truth it is not among the best, nor what is added to it."""
     one, _ = recorded("gives")
-    screened = screen(pieces(cut([one])[0]), map, Budget(time.process_time, 1e6))
+    screened = screen(segments(cut([one])[0]), map, Budget(seconds=1e6))
     model = model_of(one)
     x, few = model.searched(TRUTH), screened.cut
     base = fit(model, few, x, simulated_states(model, x, few))
-    best = screened.extended([base], [name for name in EFFECTS if name != "coulomb_friction"])[0]
+    best = extended(screened, [base], [name for name in EFFECTS if name != "coulomb_friction"])[0]
     assert set(best.model.names) == {"coulomb_friction", "lugre_friction"}
     assert best.excess < 1.1
 
 
 def test_a_load_as_heavy_as_the_actuator_is_found_from_the_limit_cycles_own_frequency():
-    few = pieces(cut([recorded("swings")[0]])[0])
-    screened = screen(few, map, Budget(time.process_time, 1e6))
+    few = segments(cut([recorded("swings")[0]])[0])
+    screened = screen(few, map, Budget(seconds=1e6))
     begun = baseline(screened.cut, False, {})
     assert begun.other is not None
     model = replace(begun.other.model, scales=scales(begun.near, screened.cut))
     x = begun.other.x
-    parent = fit(model, screened.cut, x, screened.start(model, x), free=np.zeros(3, np.bool_))
-    best = screened.extended([parent], [name for name in EFFECTS if name != "load_resonance"])[0]
+    parent = fit(model, screened.cut, x, settled_states(model, x, screened.cut), free=np.zeros(3, np.bool_))
+    best = extended(screened, [parent], [name for name in EFFECTS if name != "load_resonance"])[0]
     assert best.excess < 1.05
     assert best.model.values(best.x)["load_resonance.inertia"] == pytest.approx(1.0, rel=0.3)
 
 
 def test_the_best_fits_settle_where_steps_along_a_bent_valley_gain_little():
     one = recorded("swings")[0]
-    screened = screen(pieces(cut([one])[0]), map, Budget(time.process_time, 1e6))
+    screened = screen(segments(cut([one])[0]), map, Budget(seconds=1e6))
     model, ends = model_of(one, "load_resonance"), []
     for inertia, omega in ((1.5, 168.0), (0.6, 221.0)):
         x = searched(model, {"load_resonance": {"inertia": inertia, "omega": omega, "zeta": 0.05}})
@@ -155,13 +161,13 @@ def test_the_best_fits_settle_where_steps_along_a_bent_valley_gain_little():
 
 def test_what_is_but_a_gain_of_two_commands_is_not_tried():
     sizes = Scales(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 10.0, 1.0, 1e-3)
-    assert set(searched_causes(sizes)) >= GAINS
-    assert not set(searched_causes(replace(sizes, relayed=True))) & GAINS
+    assert set(searched_causes(sizes)) >= hidden_by_relay().keys()
+    assert not set(searched_causes(replace(sizes, two_commands=True))) & hidden_by_relay().keys()
 
 
 def test_a_relay_s_plant_is_not_damped_beyond_what_shows():
     one, _ = recorded("stalls")
-    found = screen(cut([one])[0], map, Budget(time.process_time, 1e6))
+    found = screen(cut([one])[0], map, Budget(seconds=1e6))
     assert baseline(found.cut, False, {}).best.model.scales.damped == DAMPED_BY_RELAY
 
 
@@ -200,7 +206,7 @@ def test_states_are_those_of_the_same_phase_of_other_limit_cycles():
 
 def test_each_window_takes_the_state_that_leaves_less():
     one, _ = recorded("stalls")
-    model, windows = model_of(one, "coulomb_friction"), pieces(cut([one])[0])
+    model, windows = model_of(one, "coulomb_friction"), segments(cut([one])[0])
     x = searched(model, STALLS)
     good = settle(model, windows, x, simulated_states(model, x, windows), windows.good)
     bad = good + np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -212,7 +218,7 @@ def test_each_window_takes_the_state_that_leaves_less():
 def test_the_valley_between_friction_and_plant_is_followed():
     one, _ = recorded("stalls")
     model = model_of(one, "coulomb_friction")
-    few = sparse(pieces(cut([one])[0]))
+    few = sparse(segments(cut([one])[0]))
     x = searched(model, {"coulomb_friction": {"level": 4000.0}}, K_L=5.0, omega_n=150.0, zeta=0.06)
     found = fit(model, few, x, simulated_states(model, x, few), most=15)
     assert found.excess < 1.22  # 1.28 without initial states looked for

@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +15,16 @@ from diagnosis_example import FRICTION, example
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seod.diagnose.answer import Unexplained
-from seod.diagnose.report.chart import AFTER, Chart, Curve, Map, diverging, thinned
+from seod.data import Recording
+from seod.diagnose.report.chart import AFTER, Chart, Curve, Map, diverging, thinned, wrapped
 from seod.diagnose.report.fields import _band
+from seod.diagnose.report.files import facts
 from seod.diagnose.report.page import page
 from seod.diagnose.report.scale import covering
 from seod.diagnose.report.text import as_text
+from seod.diagnose.report.units import Units
 from seod.diagnose.report.words import consequences, headline
+from seod.diagnose.result import Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
 
@@ -122,6 +126,11 @@ def test_defects_of_a_record_leave_the_plant_as_it_is(found):
     assert not any("Without them" in each for each in consequences(same))
 
 
+def test_each_cause_is_told_in_a_sentence(found):
+    told = list(consequences(found))
+    assert sum(each.startswith("coulomb_friction: Seals or bearings rub") for each in told) == 1
+
+
 def test_friction_that_gives_way_says_by_how_much(found):
     bristles = {"coulomb_friction": {"level": 400.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
     told = " ".join(consequences(replace(found, extended=replace(found.extended, effects=bristles))))
@@ -188,6 +197,91 @@ def test_a_gap_breaks_the_line_but_not_the_picture():
     assert path.count("M") == 2
     band = re.search(r'<path d="([^"]*)" fill="#', svg).group(1)
     assert (band.count("M"), band.count("Z")) == (2, 2)
+
+
+LONG = "extended: odd 0.3 %, even 0.1 %, and whatever else there may be to say of it"
+
+
+def test_no_text_is_wider_than_its_picture():
+    x = np.arange(5.0)
+    title = "Distortion: symmetric causes make odd harmonics, others even ones, in whatever order"
+    chart = Chart(title, "x", "y", [Curve(x, x, each) for each in ("measured", LONG[:40], LONG[:50])])
+    picture = ET.fromstring(chart.svg())
+    wide, high = (float(end) for end in picture.get("viewBox").split()[2:])
+    texts = [each for each in picture.iter("text") if each.get("class") in ("title", "legend")]
+    letter = {"title": 6.5, "legend": 5.8}
+    assert len(texts) == 5
+    assert " ".join(each.text for each in texts[:2]) == title
+    for each in texts:
+        assert float(each.get("x")) + letter[each.get("class")] * len(each.text) <= wide
+    rows = [float(each.get("y")) for each in texts]
+    assert rows == sorted(rows)
+    assert rows[-1] < min(
+        float(each.get("y")) for each in picture.iter("text") if each.get("class") == "tick"
+    )
+    assert high > chart.height
+
+
+def test_a_short_title_takes_no_room_from_its_picture():
+    x = np.arange(5.0)
+    short = Chart("short", "x", "y", [Curve(x, x, "measured")])
+    assert f'viewBox="0 0 {short.width:.0f} {short.height:.0f}"' in short.svg()
+    assert wrapped("short", 460.0) == ["short"]
+
+
+def test_a_narrow_page_scrolls_what_is_wide(html):
+    assert 'name="viewport" content="width=device-width' in html
+    assert html.count('<div class="scroll"><table') == html.count("<table") == 3
+    assert html.count('<div class="scroll wide"><svg') == sum(
+        'width="940"' in each for each in pictures(html)
+    )
+
+
+def test_the_page_says_what_it_was_made_of(found):
+    recording = recorded(np.arange(1500) / 500.0)
+    command = "seod diagnose 'a <b>.csv' --units y=mm"
+    told = page(found, "m", ["a.csv"], facts([recording], command))
+    assert re.search(r"<dd>\d{4}-\d\d-\d\d \d\d:\d\d UTC by seod \d", told)
+    assert "<dd>seod diagnose &#x27;a &lt;b&gt;.csv&#x27; --units y=mm</dd>" in told
+    assert "<dd>a.csv: 2.998 s at 500 Hz, 1500 rows</dd>" in told
+    assert "<dl>" not in page(found, "m", ["a.csv"])
+
+
+def recorded(t):
+    none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "units": {}, "problems": ()}
+    return Recording((Path("a.csv"),), t, t, t, rows=np.arange(len(t)), **none)
+
+
+@pytest.mark.parametrize(
+    ("unit", "output", "told"),
+    [
+        ("mm", "position", ("mm", "mm", "mm/s", "mm/s^2", "mm/s/V")),
+        ("rad/s", "velocity", ("rad/s", "rad", "rad/s", "rad/s^2", "rad/s/V")),
+        ("mm", "velocity", ("mm", "mm·s", "mm", "mm/s", "mm/V")),
+        ("m/s^2", "velocity", ("m/s^2", "m/s^2·s", "m/s^2", "m/s^3", "m/s^2/V")),
+    ],
+)
+def test_units_follow_that_of_y(unit, output, told):
+    units = Units.of(unit, output)
+    assert (units.reading, units.position, units.speed, units.acceleration, units.gain) == told
+    of_table = ("unit (unit/s for a speed)", "unit", "unit/s", "unit/s^2", "1", "V")
+    assert tuple(map(units.named, of_table)) == (*told[:4], "", "V")
+    assert units.named("unit/s^2 for each unit of f") == f"{units.acceleration} for each unit of f"
+
+
+def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
+    bristles = {"coulomb_friction": {"level": 400.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
+    more = replace(found, extended=replace(found.extended, effects=bristles))
+    for told in (page(more, "mm", ["a.csv"]), as_text(more, "mm")):
+        assert not re.search(r"\bunit\b", re.sub("<style>.*</style>", "", told))
+    assert "gives way by 0.004 mm " in as_text(more, "mm")
+    assert "K_L [mm/s/V]" in as_text(more, "mm")
+
+
+def test_a_load_is_under_pressure_only_where_a_supply_pressure_was_recorded(found):
+    assert "load pressure" not in page(found, "m", ["a.csv"])
+    supplied = tuple(replace(w, ps=np.full(len(w.t), 7e6)) for w in found.windows)
+    assert "load pressure, as acceleration [m/s^2]" in page(replace(found, windows=supplied), "m", ["a.csv"])
 
 
 def test_a_map_leaves_empty_cells_white():

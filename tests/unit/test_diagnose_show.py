@@ -9,8 +9,8 @@ import pytest
 from diagnosis_example import K_L, LEVEL, NOISE, OMEGA_N, RATE, ZETA, example
 from numpy.testing import assert_allclose
 
-from seod.diagnose.answer import Score
 from seod.diagnose.report.checks import _phase
+from seod.diagnose.result import Score
 from seod.diagnose.show.acting import acting
 from seod.diagnose.show.bootstrap import interval
 from seod.diagnose.show.distortion import harmonics, period
@@ -68,7 +68,9 @@ def test_volts_are_those_that_are_missing():
     speed = K_L * 0.05
     from diagnosis_example import Window
 
-    w = Window(0, (0, 3000), t, 0 * t, speed * t, None, 0 * t, 0 * t, 0 * t, 0 * t, 0 * t, rows > 600, True)
+    w = Window(
+        0, (0, 3000), t, 0 * t, speed * t, None, None, 0 * t, 0 * t, 0 * t, 0 * t, 0 * t, rows > 600, True
+    )
     volts = residual(w, w.y_baseline, TRUTH, "position").volts
     assert_allclose(volts[np.isfinite(volts)], 0.05, rtol=1e-6)
 

@@ -1,6 +1,7 @@
 """Windows, noise and what a window's own start does, against truths that are known."""
 
-from itertools import pairwise
+from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -8,10 +9,13 @@ from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recordin
 from plant_laws import ACCELERATION, PLACE, SPEED
 from plant_truth import Plant
 
-from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.noise import noise_sd
-from seod.diagnose.simulate import inside, simulate
-from seod.diagnose.windows import Cut, cut, dominant_hz, pieces, sample, series
+from seod.diagnose.fitting.simulate import inside, simulate
+from seod.diagnose.record import blocks
+from seod.diagnose.record.blocks import in_blocks
+from seod.diagnose.record.noise import noise_sd
+from seod.diagnose.record.series import dominant_hz, series
+from seod.diagnose.record.windows import Cut, all_but, cut, sample, segments, undivided
+from seod.diagnose.result import DiagnoseError
 from sim.parameters import parameters
 
 T = np.arange(12000) / RATE
@@ -63,17 +67,44 @@ def test_every_second_window_is_held_out_and_none_is_in_both(one):
     assert every[-1][2] == len(one.t)
 
 
-def test_a_recording_kept_aside_is_held_out_whole(one):
-    fitted, held = cut([one, one], aside=1)
-    assert {k for k, _, _ in fitted.windows} == {0}
-    every, odd = (sorted((a, b) for of, a, b in held.windows if of == k) for k in (1, 0))
-    assert every[1::2] == odd
-    assert every[0][0] == fitted.windows[0][1]
+def test_a_long_recording_is_cut_in_blocks_at_distances_of_which_no_two_are_alike(one, monkeypatch):
+    monkeypatch.setattr(blocks, "SEARCHED_ROWS", len(one.t) // 3)
+    (long,) = in_blocks([replace(one, window_s=one.tick * len(one.t) / 80.0)])
+    begins = [begin for begin, _ in long.blocks]
+    assert len(begins) == 5
+    apart = [b - a for a, b in combinations(begins, 2)]
+    assert len(set(apart)) == len(apart)
+    assert long.blocks[0][0] == 0
+    assert long.blocks[-1][1] == len(one.t)
+    assert sum(b - a for a, b in long.blocks) == pytest.approx(len(one.t) / 3, abs=5)
+    fitted, held = cut([long])
+    for _, first, last in (*fitted.windows, *held.windows):
+        assert any(a <= first < last <= b for a, b in long.blocks)
+    assert len(undivided(fitted).windows) == 5
+
+
+def test_a_short_recording_is_searched_whole(one):
+    assert in_blocks([one]) == [one]
+
+
+def test_what_is_fitted_last_is_all_but_the_rows_held_out(one, monkeypatch):
+    monkeypatch.setattr(blocks, "SEARCHED_ROWS", len(one.t) // 3)
+    (long,) = in_blocks([replace(one, window_s=one.tick * len(one.t) / 80.0)])
+    _, held = cut([long])
+    every = all_but([long], held)
+    counted = np.zeros(len(one.t), np.bool_)
+    for (_, first, last), rows in zip(every.windows, every.slices, strict=True):
+        counted[first:last] = every.good[rows]
+    unseen = np.zeros(len(one.t), np.bool_)
+    for _, first, last in held.windows:
+        unseen[first:last] = True
+    assert not np.any(counted & unseen)
+    assert np.count_nonzero(counted | unseen) > 0.95 * len(one.t)
 
 
 def test_pieces_hold_the_same_rows_and_a_sample_only_some(one):
     fitted, _ = cut([one])
-    small = pieces(fitted, 0.5)
+    small = segments(fitted, 0.5)
     assert np.array_equal(small.gathered("t"), fitted.gathered("t"))
     some = sample(small, 2.0)
     assert set(some.windows) < set(small.windows)

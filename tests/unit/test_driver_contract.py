@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import time
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Protocol
@@ -276,6 +277,18 @@ def test_a_new_sample_has_a_new_time_and_is_not_in_the_future(running: Bench) ->
         last = sample.t
 
 
+def test_how_far_stamps_may_be_off_is_a_deviation_or_unknown(running: Bench) -> None:
+    for value in range(5):
+        running.sample(float(value))
+        running.driver.read(time.monotonic())
+        assert all(math.isnan(sd) or 0.0 <= sd < math.inf for sd in running.driver.stamp_error())
+
+
+def test_some_delay_is_left_open(running: Bench) -> None:
+    """Whatever the stamps tell, a device at either end may let a reading or a command wait."""
+    assert 1.0 <= running.driver.untold_delay(0.5) < math.inf
+
+
 def test_waiting_ends_with_a_sample(running: Bench) -> None:
     if not running.driver.push:
         with pytest.raises(DriverStateError, match="timer"):
@@ -370,3 +383,11 @@ def test_truth_is_that_of_simulated_rigs_only(running: Bench) -> None:
 def test_options_go_through_json(bench: Bench) -> None:
     options = bench.driver.options
     assert type(options).model_validate(json.loads(options.model_dump_json())) == options
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_a_class_says_what_its_commands_reach_and_who_plays_the_other_end(kind: str) -> None:
+    driver = driver_class(kind)
+    assert (driver.acts_on == "rig") == bool(driver.peer)
+    if driver.peer:
+        assert callable(import_module(driver.peer).run)

@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from relay_truth import E_A, K_L, ideal_relay
 
-from seod.estimate.inversion import Measured, Plant, eq8, invert, invert_eq8, sensitivity
-from seod.estimate.limit_cycle import LimitCycle, correction_factors
+from seod.estimate.limit_cycle.closed_form import LimitCycle, correction_factors
+from seod.estimate.limit_cycle.inversion import Measured, Plant, eq8, invert, invert_eq8, sensitivity
 
 
 @pytest.mark.parametrize("zeta", [0.06, 0.21, 1.0, 4.0])

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, EstimatorSettings, Row
-from seod.estimate.lag import first_order
+from seod.estimate.limit_cycle.sensor_lag import first_order
 from tests.unit.relay_truth import E_A, K_L, TICK
 
 PLANTS = [(0.21, 117.0), (0.45, 145.0), (0.8, 60.0)]

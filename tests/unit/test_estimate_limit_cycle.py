@@ -9,8 +9,8 @@ import pytest
 from relay_truth import E_A, K_L, ideal_relay
 from scipy.linalg import expm
 
-from seod.estimate.inversion import eq8
-from seod.estimate.limit_cycle import LimitCycle, correction_factors, transition, transitions
+from seod.estimate.limit_cycle.closed_form import LimitCycle, correction_factors, transition, transitions
+from seod.estimate.limit_cycle.inversion import eq8
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from seod.estimate.local_fit import crossing, peak
+from seod.estimate.limit_cycle.local_fit import crossing, peak
+from seod.estimate.limit_cycle.switches import Switch, SwitchTracker
 from seod.estimate.quality import NoiseMeter, agree, clipped
-from seod.estimate.switches import Switch, SwitchTracker
 
 
 def _sine(count: int, seed: int = 0, noise: float = 0.0, jitter: float = 0.0, loss: float = 0.0):

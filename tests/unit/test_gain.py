@@ -9,7 +9,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from seod.config.gain import Gain
-from seod.gain import gain_of, gain_range, is_identified, needs_pressure
+from seod.config.gain_in_force import gain_of, gain_range, is_identified, needs_pressure
 
 EQ_9 = {"polynomial": [4.25, 2.72e-6, -0.134e-12], "range": ["5 MPa", "10 MPa"]}
 TABLE = {"table": {"ps": ["5 MPa", "7 MPa", 10e6], "K_L": [14.5, 16.7, 18.0]}}
@@ -71,7 +71,7 @@ def test_a_gain_to_be_identified_has_a_guess_and_needs_no_pressure(raw, guess):
     ("raw", "told"),
     [
         (0, "greater than 0"),
-        ("known", "valid number"),
+        ("known", "must be a number, or a number with a unit"),
         ({"identified": -1.0}, "greater than or equal to 0"),
         ({"identified": 15.0, **TABLE}, "one of `table`, `polynomial`"),
         ({}, "one of `table`, `polynomial`"),

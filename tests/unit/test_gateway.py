@@ -7,18 +7,28 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from fake_loop import DEADLINE_S, PERIOD, FakeLoop, eventually, hear, peer, rig_config, running
+from fake_loop import DEADLINE_S, PERIOD, FakeLoop, beside, eventually, hear, peer, rig_config, running
 
 from seod import PROTOCOL, __version__
-from seod.gateway import process as gateway
-from seod.gateway.health import histogram
-from seod.gateway.process import Gateway, leave_realtime
-from seod.process import ChildArguments, write_memfd
-from seod.protocol import INVALID_PARAMS, NO_ANSWER, REFUSED
-from seod.ring import AxisState, Word
+from seod.observe import process as observing
+from seod.observe.health import histogram
+from seod.observe.process import leave_realtime
+from seod.processes.handover import ChildArguments, write_memfd
+from seod.processes.ring import AxisState, Word
+from seod.protocol.jsonrpc import INVALID_PARAMS, NO_ANSWER, REFUSED
 
 ESTIMATE_FIELDS = {"axis", "t", "age_s", "zeta", "zeta_sd", "omega_n", "omega_n_sd", "K_L", "K_L_sd"} | {
-    *("delay_s", "frequency", "amplitude", "asymmetry", "mean_speed", "ps", "temperature", "fitness"),
+    *(
+        "delay_s",
+        "delay_sd_s",
+        "frequency",
+        "amplitude",
+        "asymmetry",
+        "mean_speed",
+        "ps",
+        "temperature",
+        "fitness",
+    ),
     *("misfit", "lag_s", "correlation", "e_a_dependence", "method", "quality", "advice"),
 }
 
@@ -39,6 +49,7 @@ async def test_info_says_what_runs_here():
         "truth": {"motor": {"K_L": 17.0, "omega_n": 117.0, "zeta": 0.21}},
         "driver": "virtual",
         "rate_hz": 2000.0,
+        "dead_man": None,
         "state": "idle",
     }
 
@@ -52,7 +63,17 @@ async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     assert set(got) == ESTIMATE_FIELDS
     assert got["ps"] is got["temperature"] is None
     assert got["method"] == "wave"
-    known = {"axis", "state", "fault", "estimate", "controller", "second_phase", "settings", "model_error"}
+    known = {
+        "axis",
+        "state",
+        "fault",
+        "estimate",
+        "controller",
+        "second_phase",
+        "settings",
+        "units",
+        "model_error",
+    }
     assert set(answer) == known
     assert set(answer["estimate"]) == ESTIMATE_FIELDS
     assert answer["settings"] == {
@@ -129,7 +150,7 @@ async def test_health_tells_how_the_loop_does():
     assert health["execution"]["p50_us"] is None
     assert health["counters"] == {"late": 0, "lost": 7}
     assert health["rows_lost"] == 0
-    assert health["clients"] == {"connected": 1, "dropped": {}}
+    assert health["clients"] == {"connected": 1, "waiting": 0, "turned_away": 0, "dropped": {}}
     assert health["recorder"] is None
     assert not health["realtime"]["ok"]
 
@@ -178,21 +199,22 @@ async def test_a_fault_makes_the_estimate_void_and_says_why_until_the_reset():
             "t": run.loop.t,
         }
         run.loop.rows(400)  # rows of an axis in fault bring no estimates
-        await eventually(lambda: run.gateway.rig._reader._ring.tail == 1000)
+        await eventually(lambda: run.rig._reader._ring.tail == 1000)
         assert (await client.call("get"))["estimate"]["quality"] == "fault"
         run.loop.become(AxisState.IDLE)
         await client.until("event", state="idle")
-        assert (await client.call("get"))["fault"] is None
+        state = await client.call("get")
+        assert state["fault"] is state["estimate"] is state["controller"] is None
 
 
 async def test_a_lost_state_event_is_made_up_for_by_the_rows():
     async with running() as run, peer(run) as client:
         run.loop.state = AxisState.EXCITING
         run.loop.rows(400)
-        await eventually(lambda: run.gateway.rig.axes["motor"].state == "exciting")
+        await eventually(lambda: run.rig.axes["motor"].state == "exciting")
         run.loop.state = AxisState.FAULT
         run.loop.rows(400)
-        await eventually(lambda: run.gateway.rig.axes["motor"].state == "fault")
+        await eventually(lambda: run.rig.axes["motor"].state == "fault")
         assert (await client.call("get"))["fault"]["why"] == "the reason was lost"
 
 
@@ -214,19 +236,19 @@ async def test_a_fault_that_one_axis_latched_leaves_the_others_alone():
 
 async def test_a_row_written_before_the_fault_does_not_take_it_back():
     async with running() as run:
-        axis = run.gateway.rig.axes["motor"]
+        axis = run.rig.axes["motor"]
         run.loop.become(AxisState.EXCITING)
         run.loop.row()
         run.loop.fault()
         run.loop.state = AxisState.EXCITING
         run.loop.rows(3)
-        await eventually(lambda: run.gateway.rig._reader._ring.tail == 4)
+        await eventually(lambda: run.rig._reader._ring.tail == 4)
         assert axis.state == "fault"
 
 
 @pytest.mark.slow
 async def test_when_no_rows_come_the_estimate_is_stale(monkeypatch):
-    monkeypatch.setattr("seod.gateway.rig.SILENCE_S", 0.05)
+    monkeypatch.setattr("seod.observe.rig.SILENCE_S", 0.05)
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["estimate"])
         run.loop.rows(1000)
@@ -277,7 +299,7 @@ async def test_the_death_of_the_loop_is_a_fault_and_a_reset_asks_for_a_new_one()
 async def test_a_new_loop_that_fails_as_well_is_told():
     async with running() as run, peer(run) as client:
         run.link.send(json.dumps(DEATH).encode())
-        await eventually(lambda: run.gateway.rig.mailbox.dead_why)
+        await eventually(lambda: run.gateway.desk.mailbox.dead_why)
         reset = asyncio.create_task(client.call("reset"))
         await hear(run)
         run.link.send(json.dumps(DEATH | {"generation": 2, "why": "no such bus"}).encode())
@@ -299,9 +321,9 @@ async def test_a_restarted_loop_has_the_rig_files_relay_again():
     async with running() as run, peer(run) as client:
         await client.call("set", e_a=1.5, K_L=20.0)
         run.link.send(json.dumps(DEATH).encode())
-        await eventually(lambda: run.gateway.rig.mailbox.dead_why)
+        await eventually(lambda: run.gateway.desk.mailbox.dead_why)
         run.loop.start(generation=2)
-        await eventually(lambda: run.gateway.rig.mailbox.ticking)
+        await eventually(lambda: run.gateway.desk.mailbox.ticking)
         settings = (await client.call("get"))["settings"]
     assert (settings["e_a"], settings["K_L"]) == (0.5, 17.0)
 
@@ -317,7 +339,10 @@ async def test_an_estimator_that_cannot_compute_is_told_and_begins_anew(monkeypa
         def reset(self):
             Broken.resets += 1
 
-    monkeypatch.setattr(gateway, "make_estimator", lambda settings: Broken())
+        def inherit(self, before):
+            pass
+
+    monkeypatch.setattr(observing, "make_estimator", lambda settings: Broken())
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["event"])
         run.loop.row()
@@ -331,9 +356,8 @@ async def test_the_gateway_ends_with_its_supervisor(how):
     loop = FakeLoop()
     theirs, ours = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs, ours:
-        serving = asyncio.create_task(
-            Gateway(rig_config(), loop.shared, theirs, Path("rig.yaml"), None).run()
-        )
+        gateway, _, observing = beside(rig_config(), loop.shared, theirs, Path("rig.yaml"))
+        serving = asyncio.gather(gateway.run(), observing)
         await asyncio.sleep(0.02)
         ours.send(b'{"stop":true}') if how == "told" else ours.close()
         async with asyncio.timeout(DEADLINE_S):
@@ -344,9 +368,10 @@ async def test_the_gateway_ends_with_its_supervisor(how):
 # ---- the process
 
 
-def test_the_gateway_is_never_real_time(monkeypatch):
+def test_what_estimates_is_never_real_time(monkeypatch):
     asked = []
     monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_FIFO)
+    monkeypatch.setattr(os, "setpriority", lambda *_: None)
     monkeypatch.setattr(os, "sched_setscheduler", lambda pid, policy, param: asked.append((pid, policy)))
     leave_realtime()
     assert asked == [(0, os.SCHED_OTHER)]

@@ -1,8 +1,11 @@
+import asyncio
+import json
+
 import pytest
 from fake_loop import eventually, peer, running
 
-from seod.gateway import mailbox
-from seod.protocol import BUSY, INVALID_PARAMS, NO_ANSWER, REFUSED
+from seod.gateway.connection import UNDER_WAY
+from seod.protocol.jsonrpc import INVALID_PARAMS, MAX_LINE, NO_ANSWER, REFUSED
 
 
 async def test_commands_reach_the_loop_in_order():
@@ -11,8 +14,7 @@ async def test_commands_reach_the_loop_in_order():
             b'{"jsonrpc":"2.0","id":1,"method":"set","params":{"axis":"roll","e_a":1.25}}',
             b'{"jsonrpc":"2.0","id":2,"method":"start","params":{"axis":"roll"}}',
             b'{"jsonrpc":"2.0","id":3,"method":"stop"}',
-            b'{"jsonrpc":"2.0","id":4,"method":"estop","params":{"why":"now"}}',
-            b'{"jsonrpc":"2.0","id":5,"method":"reset"}',
+            b'{"jsonrpc":"2.0","id":4,"method":"reset"}',
         ]
         await client.send(b"\n".join(lines) + b"\n")
         replies = [await client.read() for _ in lines]
@@ -20,10 +22,68 @@ async def test_commands_reach_the_loop_in_order():
         ("set", 1, {"e_a": 1.25}),
         ("start", 1, {}),
         ("stop", None, {}),
-        ("estop", None, {}),
         ("reset", None, {}),
     ]
     assert replies[0]["result"]["settings"]["e_a"] == 1.25
+
+
+def line(number, method, **params):
+    return json.dumps({"jsonrpc": "2.0", "id": number, "method": method, "params": params}).encode() + b"\n"
+
+
+async def test_an_estop_comes_before_all_that_waits_and_nothing_of_that_is_carried_out():
+    async with running() as run, peer(run) as client, peer(run) as other:
+        await other.call("list")
+        before = [line(k, "reset" if k % 2 else "start") for k in range(40)]
+        estop, after = line(100, "estop", why="now"), line(101, "reset")
+        await client.send(b"".join(before) + b'{"jsonrpc":"2.0","method":"stop"}\n' + estop + after)
+        replies = {reply["id"]: reply for reply in [await client.read() for _ in range(42)]}
+    assert [command["op"] for command in run.loop.taken] == ["estop", "reset"]
+    assert replies[100]["result"] == replies[101]["result"] == {"ok": True}
+    assert {replies[k]["error"]["code"] for k in range(40)} == {REFUSED}
+    assert "an e-stop came after it" in replies[7]["error"]["message"]
+
+
+async def test_an_estop_overtakes_what_other_clients_asked_before():
+    async with running() as run, peer(run) as client, peer(run) as other:
+        run.loop.silent = True  # so that commands stay under way
+        await client.send(b"".join(line(k, "start") for k in range(40)))
+        await eventually(lambda: len(run.loop.taken) == UNDER_WAY["command"])
+        run.loop.silent = False
+        assert await other.call("estop") == {"ok": True}
+        replies = {reply["id"]: reply for reply in [await client.read() for _ in range(40)]}
+    ops = [command["op"] for command in run.loop.taken]
+    assert ops == ["start"] * UNDER_WAY["command"] + ["estop"]
+    waited = range(UNDER_WAY["command"], 40)
+    assert {replies[number]["error"]["code"] for number in waited} == {REFUSED}
+
+
+async def test_an_estop_in_pieces_in_long_lines_and_in_batches():
+    async with running() as run, peer(run) as client:
+        for number, text in enumerate(
+            (
+                line(1, "estop"),
+                line(2, "estop", why="x" * 3000),  # too long to be looked at before its turn
+                b'{"jsonrpc":"2.0","id":3,"method":"\\u0065stop"}\n',
+                b'[{"jsonrpc":"2.0","id":4,"method":"estop"}]\n',
+            )
+        ):
+            for at in range(0, len(text), max(7, len(text) // 20)):
+                await client.send(text[at : at + max(7, len(text) // 20)])
+                await asyncio.sleep(0)
+            reply = await client.read()
+            assert "result" in (reply[0] if isinstance(reply, list) else reply)
+            assert len(run.loop.taken) == number + 1
+
+
+async def test_the_word_alone_is_no_estop():
+    async with running() as run, peer(run) as client:
+        await client.send(b'{"jsonrpc":"2.0","id":1,"method":"get","params":{"axis":"estop"}}\n')
+        assert "no axis 'estop'" in (await client.read())["error"]["message"]
+        await client.send(b"x" * (MAX_LINE + 1) + b'"method":"estop"' + b"\n" + line(2, "list"))
+        assert "longer than" in (await client.read())["error"]["message"]
+        assert (await client.read())["id"] == 2
+    assert not run.loop.taken
 
 
 async def test_the_loops_reason_is_told():
@@ -42,6 +102,12 @@ async def test_the_loops_reason_is_told():
         ({"hysteresis": 0.5}, "hysteresis: must be below limits.amplitude = 0.5"),
         ({"hysteresis": -0.1}, "hysteresis: should be greater than or equal to 0"),
         ({"e_a": 0}, "e_a: should be greater than 0"),
+        ({"K_L": 1e-308}, "K_L: must lie within limits.K_L = [1.7, 170], got 1e-308"),
+        ({"K_L": 171.0}, "limits.K_L"),
+        ({"e_a": 1e-308}, "e_a: must be at least limits.e_a = 0.0002 V, got 1e-308"),
+        ({"bias": 1e308}, "limits.output"),
+        ({"reference": 1.0}, "reference: cannot be set in position mode"),
+        ({"trim": True}, "trim: cannot be set in position mode"),
         ({"method": "magic"}, "known: exact, peaks"),
         ({"method": "exakt"}, "did you mean exact"),
         ({}, "give at least one of"),
@@ -75,17 +141,18 @@ async def test_estimator_settings_stay_in_the_gateway():
         assert (await client.until("estimate"))["method"] == "peaks"
 
 
-async def test_a_loop_that_does_not_answer_is_told_and_an_estop_still_goes_through(monkeypatch):
-    monkeypatch.setattr(mailbox, "MAX_WAITING", 3)
+async def test_a_loop_that_does_not_answer_is_told_and_an_estop_still_goes_through():
     async with running() as run, peer(run) as client:
-        run.gateway.rig.mailbox._answer_s = 0.3
+        run.gateway.desk.mailbox._answer_s = 0.3
         run.loop.silent = True
-        lines = [b'{"jsonrpc":"2.0","id":%d,"method":"stop"}\n' % k for k in range(5)]
-        await client.send(b"".join(lines) + b'{"jsonrpc":"2.0","id":5,"method":"estop"}\n')
-        replies = sorted([await client.read() for _ in range(6)], key=lambda reply: reply["id"])
-    assert [reply["error"]["code"] for reply in replies] == [NO_ANSWER] * 3 + [BUSY] * 2 + [NO_ANSWER]
-    assert "did not answer 'estop' within 0.3 s" in replies[5]["error"]["message"]
-    assert [command["op"] for command in run.loop.taken] == ["stop"] * 3 + ["estop"]
+        await client.send(b"".join(line(k, "stop") for k in range(UNDER_WAY["command"])))
+        await eventually(lambda: len(run.loop.taken) == UNDER_WAY["command"])
+        await client.send(line(5, "estop"))
+        replies = [await client.read() for _ in range(UNDER_WAY["command"] + 1)]
+    assert {reply["error"]["code"] for reply in replies} == {NO_ANSWER}
+    (estop,) = [reply for reply in replies if reply["id"] == 5]
+    assert "did not answer 'estop' within 0.3 s" in estop["error"]["message"]
+    assert run.loop.taken[-1]["op"] == "estop"
 
 
 async def test_a_command_waits_for_a_loop_that_is_about_to_start():
@@ -105,7 +172,7 @@ async def test_before_the_loop_ticks_commands_are_refused():
         assert "not started" in error["message"]
         assert "not started" in (await client.call("info"))["realtime"]["why"][0]
         run.loop.row()
-        await eventually(lambda: run.gateway.rig.mailbox.ticking)
+        await eventually(lambda: run.gateway.desk.mailbox.ticking)
         assert (await client.call("start")) == {"ok": True}
 
 

@@ -118,14 +118,55 @@ def test_overruns_trip_in_bursts_only() -> None:
     assert trip.numbers["count"] == 3
 
 
+def trip_of(judge: guard.AxisGuard, points: list[tuple[float, float]]) -> guard.Trip:
+    for t, y in points:
+        trip = judge.inspect(t, Sample(y, t), y, y, True, True)
+        if trip is not None:
+            return trip
+    raise AssertionError("no trip")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_sign_that_flips_is_told_as_one(sign: float) -> None:
+    """A sensor whose sign flips for one sample or for good is over the speed limit, which says little."""
+    steady = [(t, sign * (0.15 + 0.02 * t)) for t, _ in sine(0.1, 8.0, 0.5)]
+    flipped = [(t, y if k < 700 else -y) for k, (t, y) in enumerate(steady)]
+    trip = trip_of(axis_guard(), flipped)
+    assert trip.code == "speed"
+    assert f"went from {sign * 0.157:.3g} to {-sign * 0.157:.3g} between two samples" in trip.why
+    assert "its sign may have flipped" in trip.why
+
+
+def test_a_flip_out_of_the_travel_is_told_too() -> None:
+    """In velocity mode a speed whose sign flips leaves the travel."""
+    judge = axis_guard(travel=(0.05, 1.0), speed=None)
+    trip = trip_of(judge, [(0.0, 0.3), (5e-4, 0.3001), (1e-3, -0.3002)])
+    assert trip.code == "travel"
+    assert "its sign may have flipped" in trip.why
+
+
+@pytest.mark.parametrize("last", [0.8, -0.05])
+def test_a_fast_movement_or_a_jump_elsewhere_is_no_flip(last: float) -> None:
+    trip = trip_of(axis_guard(), [*[(k * 5e-4, 0.3 + 1e-5 * k) for k in range(100)], (0.05, last)])
+    assert trip.code == "speed"
+    assert "sign" not in trip.why
+    assert "between two samples" in trip.why
+
+
+def test_steady_overspeed_says_nothing_of_jumps() -> None:
+    trip = trip_of(axis_guard(), [(k * 5e-4, 0.006 * k) for k in range(100)])
+    assert trip.code == "speed"
+    assert "between two samples" not in trip.why
+
+
 def test_hang_estop_and_dead_man() -> None:
     assert guard.hung(0.04, 0.05) is None
     assert guard.hung(0.06, 0.05) is not None
     line = EstopConfig(channel="estop")
-    assert guard.estop_open(line, 1.0, Sample(1.0, 1.0), 0.01) is None
-    assert guard.estop_open(line, 1.0, Sample(0.0, 1.0), 0.01) is not None
-    assert guard.estop_open(line, 1.0, Sample(math.nan, 1.0), 0.01) is not None
-    assert guard.estop_open(line, 1.0, Sample(1.0, 0.9), 0.01) is not None
+    assert guard.estop_open([(line, Sample(1.0, 1.0))], 1.0, 0.01) is None
+    assert guard.estop_open([(line, Sample(0.0, 1.0))], 1.0, 0.01) is not None
+    assert guard.estop_open([(line, Sample(math.nan, 1.0))], 1.0, 0.01) is not None
+    assert guard.estop_open([(line, Sample(1.0, 0.9))], 1.0, 0.01) is not None
     assert guard.dead_man(None, 100.0, 0.0) is None
     assert guard.dead_man(0.5, 1.4, 1.0) is None
     assert guard.dead_man(0.5, 1.6, 1.0) is not None

@@ -4,7 +4,28 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seod.gateway.hub import Feed, Hub
+from seod.gateway.hub import Hub as Subscriptions
+from seod.observe.feeds import WAITING_BYTES, Feed, Feeds
+
+
+class Hub(Subscriptions):
+    """With the feeds that it asks for, as if there were no process between the two."""
+
+    def __init__(self):
+        self.feeds = Feeds(self)
+        self.waiting = 0
+        super().__init__(lambda message: self.feeds.obey(json.loads(json.dumps(message))))
+
+    def send(self, message):
+        message = json.loads(json.dumps(message))
+        self.deliver(message.get("told", ()))
+        self.lose(message.get("dropped", ()))
+
+    def publish(self, *message):
+        self.feeds.publish(*message)
+
+    def flush(self):
+        self.feeds.flush()
 
 
 class Sink:
@@ -145,5 +166,31 @@ def test_what_is_unsubscribed_ends_and_leaves_nothing_behind():
     assert sink.numbers == [1]
     assert not hub.wanted("sample")
     assert hub.numbers(sink) == []
-    assert not hub._feeds
+    assert not hub._channels
     assert not hub._of_sink
+
+
+def test_what_the_gateway_cannot_take_is_dropped_and_told():
+    hub, sink = Hub(), Sink()
+    number = hub.subscribe(sink, ["sample"], ["motor"], None)
+    publish(hub, [1])
+    hub.waiting = WAITING_BYTES + 1
+    publish(hub, [2, 3, 4])
+    hub.waiting = 0
+    publish(hub, [5])
+    lost = {"subscription": number, "topic": "sample", "lost": 3, "total": 3}
+    assert [m["params"] for m in sink.messages] == [{"n": 1}, lost, {"n": 5}]
+
+
+def test_a_client_that_ends_is_forgotten_by_the_feeds():
+    hub, sink, other = Hub(), Sink(), Sink()
+    for rate in range(1, 9):
+        hub.subscribe(sink, ["sample", "estimate", "event"], ["pitch", "roll"], float(rate))
+    hub.subscribe(other, ["event"], ["pitch"], None)
+    hub.drop(sink)
+    assert {topic: len(feeds) for topic, feeds in hub.feeds._of_topic.items()} == {
+        "estimate": 0,
+        "event": 1,
+        "sample": 0,
+    }
+    assert not hub.feeds.wanted("sample", "pitch")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from seod.estimate.plant_response import Dynamics, free_motion
+from seod.estimate.plant.free_motion import Dynamics, free_motion
 from seod.identify.drive import Drive
 
 OMEGA_N = 80.0

@@ -25,7 +25,7 @@ def file(tmp_path_factory):
 def answer(*arguments):
     done = CliRunner().invoke(app, ["identify", *map(str, arguments), "--json"])
     assert done.exit_code == 0, done.output
-    return json.loads(done.output)
+    return json.loads(done.stdout)
 
 
 @pytest.mark.slow

@@ -22,10 +22,10 @@ def numba_after(code: str) -> str:
 @pytest.mark.parametrize(
     "code",
     [
-        "import seod.cli, seod.commands, seod.loop.process, seod.gateway.process, seod.supervisor",
-        "import drivers.can, drivers.virtual, sim.config, sim.cache, sim.truth, seod.launch",
+        "import seod.cli, seod.commands, seod.loop.process, seod.gateway.process, seod.supervisor.process",
+        "import drivers.can, drivers.virtual, sim.config, sim.cache, sim.truth, seod.launch.daemon",
         "from seod.config.load import load_rig; from seod.config.check import check; "
-        "from seod.config.truth import truth; from seod.paths import configs_dir; "
+        "from seod.config.truth import truth; from seod.files.shipped import configs_dir; "
         "truth(load_rig(configs_dir() / 'virtual.yaml'))",
     ],
     ids=["daemon", "drivers", "rig file"],
@@ -38,7 +38,7 @@ def test_the_daemon_and_its_rig_files_do_without(code: str) -> None:
 def test_a_virtual_rig_that_is_opened_has_it() -> None:
     code = (
         "from drivers.virtual import VirtualDriver; from seod.config.load import load_rig; "
-        "from seod.paths import configs_dir; rig = load_rig(configs_dir() / 'virtual.yaml'); "
+        "from seod.files.shipped import configs_dir; rig = load_rig(configs_dir() / 'virtual.yaml'); "
         "driver = VirtualDriver(VirtualDriver.Options.model_validate(rig.driver), lambda: 0.0); "
         "driver.open(['encoder'], ['amplifier'])"
     )

@@ -44,14 +44,22 @@ def test_null_values_are_the_plant_without_effects():
     np.testing.assert_array_equal(of(groups), BASE)
 
 
-GONE = {"valve_saturation": {"limit": 2.0}, "square_root_flow": {"supply": 1e9}}
+GONE = {
+    "valve_saturation": {"limit": 2.0},
+    "valve_rate_limit": {"rate": 1e6},
+    "square_root_flow": {"supply": 1e9},
+}
 """Where the effect goes with something large; all others go with small numbers."""
 
 
 @pytest.mark.parametrize("name", [n for n in EFFECTS_ON if n not in {"load_resonance", "lugre_friction"}])
 def test_an_effect_goes_with_its_parameters(name):
     small = {key: 0.01 * value for key, value in EFFECTS_ON[name].items()}
-    kept = {key: small[key] for key in ("omega", "phase", "wavenumber", "speed", "centre") if key in small}
+    kept = {
+        key: small[key]
+        for key in ("omega", "phase", "wavenumber", "speed", "centre", "half", "range")
+        if key in small
+    }
     gone = GONE.get(name, {**small, **{key: 100.0 * value for key, value in kept.items()}})
     assert apart(of({name: gone}), BASE) < max(0.03 * apart(of(chosen(name)), BASE), 1e-6)
 
@@ -94,11 +102,14 @@ SYMMETRIC = [
     if n
     not in {
         "null_shift",
+        "static_valve_map",
         "asymmetric_gain",
         "load_bias",
         "load_spring",
         "periodic_disturbance",
         "position_ripple",
+        "sensor_nonlinearity",
+        "rectified_sensor",
     }
 ]
 
@@ -224,10 +235,18 @@ def test_without_supply_pressure_it_still_is_a_plant(supply):
     ("effects", "told"),
     [
         ({"valve_lag": {"time": 1e-7}}, "valve_lag.time must be 0 or at least 1e-05"),
-        ({"backlash": {"gap": 1e-12}}, "backlash.gap must be 0 or at least 1e-09"),
+        ({"backlash": {"gap": 1e-18}}, "backlash.gap must be 0 or at least 1e-15"),
         ({"lugre_friction": {"stiffness": 1e5}}, "needs coulomb_friction.level > 0"),
         (
-            {"coulomb_friction": {"level": 1.0}, "lugre_friction": {"stiffness": 1e8}},
+            {"coulomb_friction": {"level": 1e-3}, "lugre_friction": {"stiffness": 1e8}},
+            "lugre_friction.stiffness must be at most 1e+09 coulomb_friction.level",
+        ),
+        (
+            {
+                "coulomb_friction": {"level": 1.0},
+                "stribeck_friction": {"level": 5.0, "speed": 0.1},
+                "lugre_friction": {"stiffness": 1e8},
+            },
             "lugre_friction.stiffness must be at most 100000 coulomb_friction.level",
         ),
         (

@@ -35,11 +35,25 @@ T_U, U = steps(0.1, hold=0.017)
 SUPPLY = 1.0 + 0.2 * np.sin(30.0 * T)
 WARMTH = 10.0 * np.sin(12.0 * T)
 SINGLES = [*EFFECTS_ON, "end_stops"]
-SEEN_OTHERWISE = ["coulomb_friction", "backlash", "position_ripple", "sensor_lag", "end_stops"]
+SEEN_OTHERWISE = [
+    "coulomb_friction",
+    "backlash",
+    "position_ripple",
+    "sensor_nonlinearity",
+    "sensor_lag",
+    "rectified_sensor",
+    "end_stops",
+]
 
 PAIRS = [
     ("valve_lag", "valve_deadband"),
+    ("valve_rate_limit", "valve_deadband"),
+    ("valve_rate_limit", "valve_lag"),
+    ("valve_rate_limit", "asymmetric_gain"),
     ("valve_hysteresis", "asymmetric_gain"),
+    ("static_valve_map", "valve_saturation"),
+    ("static_valve_map", "valve_hysteresis"),
+    ("static_valve_map", "valve_lag"),
     ("valve_lag", "square_root_flow"),
     ("square_root_flow", "load_bias"),
     ("square_root_flow", "end_stops"),
@@ -53,6 +67,9 @@ PAIRS = [
     ("backlash", "end_stops"),
     ("backlash", "sensor_lag"),
     ("backlash", "position_ripple"),
+    ("backlash", "sensor_nonlinearity"),
+    ("position_ripple", "sensor_nonlinearity"),
+    ("sensor_nonlinearity", "sensor_lag"),
     ("pressure_dependent_stiffness", "parameter_drift"),
     ("transport_delay", "parameter_drift"),
 ]
@@ -79,7 +96,8 @@ def test_without_effects_it_is_equation_1():
 
 @pytest.mark.parametrize(
     ("name", "sees_speed"),
-    [(name, False) for name in SINGLES] + [(name, True) for name in SEEN_OTHERWISE],
+    [(name, False) for name in SINGLES if name != "rectified_sensor"]  # the position stays above 0
+    + [(name, True) for name in SEEN_OTHERWISE],
 )
 def test_each_effect_is_the_documented_one(name, sees_speed):
     moving = name in {"square_root_flow", "pressure_dependent_stiffness", "parameter_drift"}
@@ -121,7 +139,7 @@ def test_a_sampled_relay_makes_the_same_decisions(names, sees_speed, latency):
     r["bias"], r["velocity_mode"] = 0.1, float(sees_speed)
     y, u, t_u = (np.empty(len(t)) for _ in range(3))
     p = record(names, sees_speed=sees_speed)
-    runs.sampled_relay(p[0], new_state(p)[0], r[0], t, NONE, NONE, NONE, y, u, t_u)
+    runs.sampled_relay(p[0], new_state(p)[0], r[0], t, NONE, NONE, NONE, NONE, y, u, t_u)
     plant = Plant(K_L, OMEGA_N, ZETA, chosen(*names), sees_speed=sees_speed)
     true_y, true_u = true_sampled_relay(plant, 0.5, t, latency, hysteresis, reference, bias=0.1)
     assert np.count_nonzero(np.diff(u)) >= 2
@@ -179,7 +197,7 @@ def two_phase(cycles, shift):
     r = np.zeros(1, runs.RELAY)
     r["e_a"], r["cycles"], r["shift"] = 0.5, cycles, shift
     p, (y, u, t_u) = record(), (np.empty(len(t)) for _ in range(3))
-    runs.sampled_relay(p[0], new_state(p, t=-1.0)[0], r[0], t, NONE, NONE, NONE, y, u, t_u)
+    runs.sampled_relay(p[0], new_state(p, t=-1.0)[0], r[0], t, NONE, NONE, NONE, NONE, y, u, t_u)
     asked = np.flatnonzero(np.diff(np.sign(np.where(y == 0.0, -1.0, y)))) + 1
     made = np.flatnonzero(np.diff(u)) + 1
     n = min(len(asked), len(made)) - 1
@@ -197,3 +215,34 @@ def test_two_phases_alternate():
     undisturbed = asked[starts[0] - 1] - asked[starts[0] - 3]
     assert phases[0][0] == pytest.approx(0.25 * undisturbed, abs=1.0)
     assert not phases[1].any()
+
+
+@pytest.mark.parametrize("hold", [2.7e-3, 4e-3, 0.3e-3])
+def test_held_readings_are_those_of_the_sensors_own_times(hold):
+    """Each row shows the reading at the last multiple of `hold`, by the plant written apart."""
+    at = np.unique(np.floor(T / hold + 1e-6) * hold)
+    times = np.unique(np.concatenate([at, T]))
+    every = true_follow(Plant(K_L, OMEGA_N, ZETA), T_U, U, times)
+    expected = every[np.searchsorted(times, np.floor(T / hold + 1e-6) * hold - 1e-12)]
+    found = follow(record(effects={"held_readings": {"time": hold}}), T_U, U, T)[0]
+    assert apart(found, expected) < 1e-5
+    assert apart(found, every[np.searchsorted(times, T)]) > 1e-3
+
+
+def test_a_held_reading_keeps_its_noise_and_its_counts():
+    effects = {"held_readings": {"time": 4e-3}, "sensor_quantization": {"step": 0.003}}
+    noise = np.random.default_rng(3).normal(0.0, 0.002, len(T))
+    y = follow(record(effects=effects), T_U, U, T, noise=noise)[0]
+    plain = follow(record(effects={"sensor_quantization": {"step": 0.003}}), T_U, U, T, noise=noise)[0]
+    np.testing.assert_array_equal(y, np.repeat(plain[::4], 4)[: len(T)])
+
+
+@pytest.mark.parametrize("sees_speed", [False, True])
+@pytest.mark.parametrize("names", [(), ("coulomb_friction",), ("load_resonance",)])
+def test_a_measured_disturbance_pushes_the_load(names, sees_speed):
+    force = 3.0 + np.sin(40.0 * T)
+    effects = {name: EFFECTS_ON[name] for name in names} | {"measured_disturbance": {"gain": 30.0}}
+    y = follow(record(effects=effects, sees_speed=sees_speed), T_U, U, T, force=force)[0]
+    plant = Plant(K_L, OMEGA_N, ZETA, effects, sees_speed=sees_speed)
+    assert apart(y, true_follow(plant, T_U, U, T, force=force)) < 1e-5
+    assert apart(y, follow(record(effects=effects, sees_speed=sees_speed), T_U, U, T)[0]) > 0.01

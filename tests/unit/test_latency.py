@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from seod import measure_latency
-from seod.latency import Latencies, Report, band, count_seconds, histogram, parse_cyclictest
+from seod.latency import measure
+from seod.latency.machine import Machine, read_machine
+from seod.latency.measure import MeasureError, make_loop, run_cyclictest
+from seod.latency.report import Latencies, Report, band, count_seconds, histogram, parse_cyclictest
 from seod.loop.pacer import TimerPacer
-from seod.machine import Machine, read_machine
-from seod.measure_latency import MeasureError, make_loop, run_cyclictest
-from seod.ring import AxisState
+from seod.processes.ring import AxisState
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -153,13 +153,13 @@ def test_the_report_judges_by_the_worst_and_passes_refusals_on() -> None:
 
 
 def test_no_cyclictest_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_latency.shutil, "which", lambda _: None)
+    monkeypatch.setattr(measure.shutil, "which", lambda _: None)
     with pytest.raises(MeasureError, match="apt-get install rt-tests"):
         run_cyclictest(0.1, 2000.0)
 
 
 def test_a_refused_cyclictest_gives_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_latency.shutil, "which", lambda _: "/usr/bin/false")
+    monkeypatch.setattr(measure.shutil, "which", lambda _: "/usr/bin/false")
     with pytest.raises(MeasureError, match="cyclictest failed"):
         run_cyclictest(0.1, 2000.0)
 

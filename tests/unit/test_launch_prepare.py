@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from seod import launch
 from seod.config.load import load_rig
-from seod.launch import LaunchError, prepare
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
+from seod.launch import daemon
+from seod.launch.daemon import LaunchError, prepare
 from sim import cache
 
 
@@ -19,7 +19,7 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Compilations that were asked for; each leaves the files that numba would leave."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(cache, "cache_folder", cache.cache_folder.__wrapped__)
-    monkeypatch.setattr(launch, "cache_folder", cache.cache_folder)
+    monkeypatch.setattr(daemon, "cache_folder", cache.cache_folder)
     done: list[str] = []
 
     def compile_plant() -> None:
@@ -29,7 +29,7 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         for name in ("arrive", "look"):
             (folder / f"plant.{name}-34.py311.nbi").touch()
 
-    monkeypatch.setattr(launch, "compile_plant", compile_plant)
+    monkeypatch.setattr(daemon, "compile_plant", compile_plant)
     return done
 
 
@@ -65,7 +65,7 @@ def test_a_plant_that_cannot_be_compiled_is_no_traceback(
     def fail() -> None:
         raise subprocess.CalledProcessError(1, "python")
 
-    monkeypatch.setattr(launch, "compile_plant", fail)
+    monkeypatch.setattr(daemon, "compile_plant", fail)
     with pytest.raises(LaunchError, match="cannot be compiled"):
         prepare(load_rig(configs_dir() / "virtual.yaml"))
 

@@ -12,8 +12,8 @@ from relay_truth import K_L, PLANTS, TICK, amplitude_of
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate
 from seod.estimate.levels import FRESH_S, Levels, dependence
-from seod.gateway.estimation import Axis
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, AxisState
+from seod.observe.estimation import Axis
+from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH, AxisState
 from sim.parameters import parameters
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
@@ -32,7 +32,7 @@ def relay_rows(axis: Axis, effects: dict, e_a: float, start: float, noise: float
     relay["e_a"], relay["hysteresis"], relay["latency"] = e_a, 0.05 * scale, TICK
     y, u, t_u, none = np.zeros(1000), np.zeros(1000), np.zeros(1000), np.zeros(0)
     disturbed = noise * scale * np.random.default_rng(round(1000 * e_a)).standard_normal(1000)
-    sampled_relay(record[0], new_state(record)[0], relay[0], t, disturbed, none, none, y, u, t_u)
+    sampled_relay(record[0], new_state(record)[0], relay[0], t, disturbed, none, none, none, y, u, t_u)
     flags = FLAG_EXCITING | FLAG_FRESH
     nan, state = float("nan"), int(AxisState.EXCITING)
     return [
@@ -141,7 +141,7 @@ class TestLevels:
 
 async def test_it_is_told_once_and_each_estimate_has_it():
     async with running() as run, peer(run) as client:
-        axis = run.gateway.rig.axes["motor"]
+        axis = run.rig.axes["motor"]
         await client.call("subscribe", topics=["estimate", "event"])
         axis._levels.compare(1.5, replace(ANSWER, t=run.loop.t, zeta=9.0))
         run.loop.rows(1500)

@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sim import physics
+from sim.effects import stiffest_bristles
 from sim.linear import SmallSignal, small_signal
 from sim.parameters import parameters
 from sim.state import new_state
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
 RANGES = {
     "transport_delay": {"time": (0.0, 0.01)},
     "valve_saturation": {"limit": (1.0, 10.0)},
+    "static_valve_map": {
+        **{f"bend_{k}": (-0.03, 0.03) for k in range(1, 3)},
+        **{f"tilt_{k}": (-0.03, 0.03) for k in range(1, 4)},
+        "range": (0.8, 1.6),
+    },
     "valve_hysteresis": {"half_width": (0.0, 0.2)},
     "valve_lag": {"time": (1e-4, 0.01)},
     "null_shift": {"voltage": (-0.5, 0.5)},
@@ -38,6 +44,11 @@ RANGES = {
     "load_resonance": {"inertia": (0.1, 3.0), "omega": (20.0, 2000.0), "zeta": (0.01, 0.5)},
     "backlash": {"gap": (1e-3, 0.1)},
     "position_ripple": {"amplitude": (0.0, 0.05), "wavenumber": (0.1, 10.0), "phase": (-3.0, 3.0)},
+    "sensor_nonlinearity": {
+        **{f"order_{n}": (-0.02, 0.02) for n in range(2, 7)},
+        "centre": (-0.03, 0.03),
+        "half": (0.1, 0.2),
+    },
     "sensor_lag": {"time": (1e-4, 0.01)},
     "parameter_drift": {"K_L": (-0.1, 0.1), "omega_n_thermal": (-0.01, 0.01), "zeta": (-0.1, 0.1)},
 }
@@ -49,9 +60,14 @@ def effects_of(draw: st.DrawFn, names: tuple[str, ...] = tuple(RANGES)) -> Effec
     chosen = draw(st.sets(st.sampled_from(names)))
     if LUGRE in chosen:
         chosen.add("coulomb_friction")
-    return {
+    drawn = {
         name: {of: draw(st.floats(*limits)) for of, limits in RANGES[name].items()} for name in sorted(chosen)
     }
+    if LUGRE in chosen:
+        values = {f"{name}.{of}": value for name, group in drawn.items() for of, value in group.items()}
+        stiffest = stiffest_bristles(values) * values["coulomb_friction.level"]
+        drawn[LUGRE]["stiffness"] = min(drawn[LUGRE]["stiffness"], stiffest)
+    return drawn
 
 
 plants = st.fixed_dictionaries(
@@ -93,7 +109,9 @@ INTEGRATED = ("pressure", "velocity", "position", "velocity2", "position2", "bri
 @settings(max_examples=100, deadline=None)
 @given(
     plant=plants,
-    effects=effects_of(tuple(RANGES.keys() - {"backlash", "valve_saturation"})),  # which have kinks
+    effects=effects_of(
+        tuple(RANGES.keys() - {"backlash", "valve_saturation", "static_valve_map"})
+    ),  # which have kinks
     at=conditions,
     speed=speeds,
     measures_speed=st.sampled_from([0.0, 1.0]),
@@ -126,7 +144,7 @@ def test_the_matrices_are_the_derivatives_of_the_kernels_equations(
 
 @given(
     plant=plants,
-    effects=effects_of(("position_ripple", "backlash")),
+    effects=effects_of(("position_ripple", "sensor_nonlinearity", "backlash")),
     at=conditions,
     speed=speeds,
     measures_speed=st.sampled_from([0.0, 1.0]),
@@ -181,10 +199,9 @@ def test_the_mirrored_plant_is_the_same_mirrored(
     plant: dict[str, float], effects: Effects, at: dict[str, float], direction: float
 ) -> None:
     odd = {"null_shift", "asymmetric_gain", "load_bias"}
+    turned = {"centre", "phase", "order_2", "order_4", "order_6", *(f"tilt_{k}" for k in range(1, 4))}
     mirrored = {
-        name: {
-            of: -value if name in odd or of in {"centre", "phase"} else value for of, value in values.items()
-        }
+        name: {of: -value if name in odd or of in turned else value for of, value in values.items()}
         for name, values in effects.items()
     }
     one = linearised(parameters(**plant, effects=effects), direction=direction, **at)

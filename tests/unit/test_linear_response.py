@@ -41,6 +41,7 @@ class Case:
 
 MOVING = {"speed": 2.0}
 AT_REST = {"direction": 0.0}
+VALVE_MAP = {"bend_1": -0.1, "bend_2": -0.05, "tilt_2": 0.07, "tilt_3": 0.1, "range": 1.1}
 FRICTION = {"coulomb_friction": {"level": 40.0}, "stribeck_friction": {"level": 30.0, "speed": 2.5}}
 
 CASES = {
@@ -49,6 +50,8 @@ CASES = {
     "speed": Case({}, base={"measures_speed": 1.0}),
     "transport_delay": Case({"transport_delay": {"time": 3.3e-3}}),
     "valve_saturation": Case({"valve_saturation": {"limit": 0.5}}, {"volts": 0.4}),
+    "static_valve_map": Case({"static_valve_map": VALVE_MAP}, {"volts": -0.3}),
+    "static_valve_map of a speed": Case({"static_valve_map": VALVE_MAP}, MOVING),
     "valve_hysteresis": Case({"valve_hysteresis": {"half_width": 0.1}}, MOVING, amplitude=2e-4, ramp=0.1),
     "valve_lag": Case({"valve_lag": {"time": 4e-3}}),
     "null_shift": Case({"null_shift": {"voltage": 0.3}}, {"volts": 0.3}),
@@ -57,6 +60,7 @@ CASES = {
     "asymmetric_gain back": Case({"asymmetric_gain": {"ratio": 0.2}}, {"speed": -2.0}),
     "asymmetric_gain at rest": Case({"asymmetric_gain": {"ratio": 0.2}}, AT_REST),
     "square_root_flow": Case({"square_root_flow": {"supply": 400.0}}, {"volts": 0.2}),
+    "valve_rate_limit": Case({"valve_rate_limit": {"rate": 1e4}}),  # far from it where the signal is small
     "square_root_flow loaded": Case(
         {"square_root_flow": {"supply": 400.0}, "load_bias": {"acceleration": -150.0}},
         {"speed": -4.0, "supply": 0.7},
@@ -78,14 +82,22 @@ CASES = {
     ),
     "load_resonance": Case({"load_resonance": {"inertia": 0.4, "omega": 260.0, "zeta": 0.08}}),
     "load_resonance low": Case({"load_resonance": {"inertia": 1.5, "omega": 60.0, "zeta": 0.08}}),
+    "measured_disturbance": Case({"measured_disturbance": {"gain": 50.0}}),
     "periodic_disturbance": Case({"periodic_disturbance": {"amplitude": 50.0, "omega": 70.0}}),
     "backlash": Case({"backlash": {"gap": 0.01}}, MOVING),
     "backlash of a speed": Case({"backlash": {"gap": 0.01}}, MOVING, {"measures_speed": 1.0}),
     "position_ripple": Case(
         {"position_ripple": {"amplitude": 0.1, "wavenumber": 3.0, "phase": 0.5}}, AT_REST, amplitude=1e-4
     ),
+    "sensor_nonlinearity": Case(
+        {"sensor_nonlinearity": {"order_2": 0.1, "order_3": 0.05, "centre": -0.3, "half": 0.9}},
+        AT_REST,
+        amplitude=1e-4,
+    ),
     "sensor_lag": Case({"sensor_lag": {"time": 3e-3}}),
     "sensor_lag of a speed": Case({"sensor_lag": {"time": 3e-3}}, base={"measures_speed": 1.0}),
+    "rectified_sensor": Case({"rectified_sensor": {"part": 0.8}}, {"speed": -3.0}, {"measures_speed": 1.0}),
+    "held_readings": Case({"held_readings": {"time": 1e-9}}),
     "sensor_quantization": Case({"sensor_quantization": {"step": 1e-7}}, amplitude=0.1),
     "parameter_drift": Case(
         {"parameter_drift": {"K_L": -1e-4, "omega_n": 2e-4, "zeta": 5e-4, "K_L_thermal": 5e-3}},
@@ -132,7 +144,7 @@ def run(case: Case, t: np.ndarray, u: np.ndarray) -> np.ndarray:
         np.full(len(t), case.at.get(name, null)) for name, null in (("supply", 1.0), ("warmth", 0.0))
     ]
     y = np.empty(len(t))
-    follow(record[0], state[0], t, u, t, NONE, *conditions, y)
+    follow(record[0], state[0], t, u, t, NONE, *conditions, NONE, y)
     assert np.isfinite(y).all()
     return y
 

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from seod.ring import FLAG_EXCITING, AxisState, Word
+from drivers.base import StampError
+from seod.loop.guard import SupervisorGuard
+from seod.loop.meter import COUNTERS_EVERY
+from seod.observe.health import Health
+from seod.processes.ring import FLAG_EXCITING, AxisState, Word
 from tests.unit.loop_bench import PERIOD, Bench
 
 if TYPE_CHECKING:
@@ -203,6 +207,51 @@ def test_silent_sensor_faults_when_moving_and_blocks_the_start(bench: Callable[.
     assert "ms old" in error
 
 
+def test_a_rig_of_which_nothing_comes_is_not_told_as_an_estop(bench: Callable[..., Bench]) -> None:
+    rig = bench({"guard": {"estop": {"channel": "estop"}}})
+    rig.call("start")
+    rig.run(0.5)
+    frozen = rig.driver.read(rig.pacer.now())
+    rig.driver.read = lambda t: frozen  # type: ignore[method-assign] # no new samples come
+    rig.run(0.03)
+    (fault,) = rig.take("fault")
+    assert fault["code"] == "silent"
+    assert "nothing has come from the rig for" in fault["why"]
+    rig.call("reset")
+    assert "switched on" in str(rig.call("start"))
+
+
+def test_a_silent_sensor_is_told_with_what_its_frames_look_like(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    old, read = list(rig.loop.samples), rig.driver.read
+    rig.driver.read = lambda t: [old[0], *read(t)[1:]]  # type: ignore[method-assign]
+    rig.driver.why_old = lambda place: "its counter stands still" if place == 0 else ""  # type: ignore[method-assign]
+    rig.run(0.1)
+    (fault,) = rig.take("fault")
+    assert fault["code"] == "stale_sample"
+    assert fault["why"].endswith("; its counter stands still")
+
+
+def test_remarks_of_the_driver_are_warnings_once(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.driver.remarks.append(("repeated_frames", "Encoder: 3 frames"))
+    rig.run(0.1)
+    assert [(w["code"], w["why"]) for w in rig.take("warning")] == [("repeated_frames", "Encoder: 3 frames")]
+    assert rig.driver.remarks == []
+
+
+def test_an_estop_line_that_is_silent_alone_is_the_estops(bench: Callable[..., Bench]) -> None:
+    rig = bench({"guard": {"estop": {"channel": "estop"}}})
+    rig.call("start")
+    rig.run(0.5)
+    read, then = rig.driver.read, rig.pacer.now()
+    rig.driver.read = lambda t: [s if s.value != 1.0 else s._replace(t=then) for s in read(t)]  # type: ignore[method-assign]
+    rig.run(0.03)
+    assert rig.faults() == ["estop"]
+
+
 def test_lost_link_faults_and_is_told(bench: Callable[..., Bench]) -> None:
     rig = bench()
     rig.call("start")
@@ -262,6 +311,52 @@ def test_fenced_loop_writes_nothing_more(bench: Callable[..., Bench]) -> None:
     with pytest.raises(SystemExit):
         rig.loop.finish()
     assert rig.driver.counters[1] == sent
+
+
+def test_neutral_is_repeated_at_the_end_for_a_frame_can_be_lost(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    written: list[str] = []
+    rig.driver.neutral = lambda t: written.append("neutral") or t  # type: ignore[method-assign, func-returns-value]
+    rig.driver.write = lambda t, values: written.append("command") or t  # type: ignore[method-assign, func-returns-value]
+    rig.loop.ending = True
+    rig.loop.run()
+    assert len(written) > 10
+    assert set(written) == {"neutral"}
+
+
+@pytest.mark.parametrize("state", ["idle", "exciting"])
+def test_a_supervisor_that_stands_still_is_a_fault_until_it_goes_on(
+    bench: Callable[..., Bench], state: str
+) -> None:
+    rig = bench()
+    rig.loop.supervisor = SupervisorGuard(PERIOD)  # as on a rig that is on the clock
+    words = rig.shared.words
+
+    def run(seconds: float, beating: bool) -> None:
+        for _ in range(round(seconds / 0.01)):
+            words[Word.BEATS] += beating
+            rig.run(0.01)
+
+    run(0.1, True)
+    if state == "exciting":
+        rig.call("start")
+        run(1.0, True)
+    run(0.1, False)  # a busy machine
+    assert rig.faults() == []
+    run(0.1, False)
+    assert rig.faults() == ["supervisor"]
+    assert "supervisor process has stood still for 180 ms" in rig.take("fault")[0]["why"]
+    assert rig.volts == 0.0
+    rig.call("reset")
+    run(0.02, False)
+    assert rig.state is AxisState.FAULT
+    words[Word.BEATS] += 1
+    rig.call("reset")
+    run(0.5, True)
+    assert rig.state is AxisState.IDLE
+    assert rig.call("start") is None
 
 
 def test_an_exception_in_the_loop_ends_in_neutral_and_is_told(bench: Callable[..., Bench]) -> None:
@@ -333,6 +428,16 @@ def test_a_command_that_did_not_leave_is_not_in_the_rows(bench: Callable[..., Be
     last, *rows = rig.rows()  # the first is of the tick before
     assert len(rows) == 9
     assert {(r["u"], r["t_u"]) for r in rows} == {(last["u"], last["t_u"])}
+
+
+def test_how_far_stamps_may_be_off_is_in_the_health_message(bench: Callable[..., Bench]) -> None:
+    b = bench()
+    told = Health(b.shared).loop(0.0, [])
+    assert (told["stamp_common_sd_s"], told["stamp_scatter_sd_s"]) == (None, None)
+    b.driver.stamp_error = lambda: StampError(2e-4, 1.5e-3)  # type: ignore[method-assign]
+    b.run(2 * COUNTERS_EVERY * PERIOD)
+    told = Health(b.shared).loop(0.0, [])
+    assert (told["stamp_common_sd_s"], told["stamp_scatter_sd_s"]) == (2e-4, 1.5e-3)
 
 
 def test_unknown_command_is_answered(bench: Callable[..., Bench]) -> None:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from seod.loop.meter import histogram_bin
-from seod.ring import HISTOGRAM_BINS, bin_edges_us
+from seod.processes.ring import HISTOGRAM_BINS, bin_edges_us
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from seod.diagnose.answer import FoundEffect, Gain
-from seod.diagnose.coordinates import Scales
-from seod.diagnose.experiment import ENOUGH, VANISHING, beyond_a_relay, excitations, next_experiment
-from seod.diagnose.model import baseline_model
-from seod.diagnose.trial import Excitation, follow, perform, refitted, times
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import hidden_by_relay
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.result import FoundEffect, Gain
+from seod.diagnose.verdict.experiment_trial import Excitation, follow, perform, refitted, times
+from seod.diagnose.verdict.next_experiment import MISSES_BY, beyond_a_relay, excitations, next_experiment
 
 K_L, OMEGA_N, ZETA = 17.0, 117.0, 0.4
 TICK, NOISE, VOLTS = 1e-3, 1e-3, 1.0
@@ -50,12 +51,12 @@ def test_overlap_and_play_need_more_than_a_relay():
         rival, [begin], perform(record, asked[told.input.split(",")[0].split(":")[0].split(" ")[0]], t), NOISE
     )
     assert near[1] < 0.1 * far[1]
-    assert far[1] > ENOUGH
+    assert far[1] > MISSES_BY
 
 
 def test_lags_before_and_behind_a_linear_plant_need_another_sensor():
     told = propose("valve_lag", ["sensor_lag"], time=2e-3)
-    assert "load pressure" in told.input
+    assert "load force" in told.input
     assert told.command == ""
     assert told.separates == ("valve_lag", "sensor_lag")
 
@@ -91,17 +92,17 @@ def test_what_two_commands_hide_has_its_experiment():
     model = baseline_model(SCALES, 1.0, False, {})
     x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
     told = beyond_a_relay(model, x, NOISE, VOLTS, TICK)
-    assert told.separates == tuple(VANISHING)
+    assert told.separates == tuple(hidden_by_relay())
     assert told.command.startswith("seod response --config RIG.yaml --amplitude 0.25 --band ")
     assert "vanish into the gain" in told.reason
     assert beyond_a_relay(model, x, 10.0, VOLTS, TICK) is None
 
 
-@pytest.mark.parametrize("name", VANISHING)
+@pytest.mark.parametrize("name", hidden_by_relay())
 def test_a_relay_hides_it_indeed(name):
     hidden = baseline_model(SCALES, 1.0, False, {}).with_effect(name)
     truth = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
-    record = hidden.record(hidden.searched(truth | VANISHING[name](VOLTS)))
+    record = hidden.record(hidden.searched(truth | hidden_by_relay()[name].shown(VOLTS)))
     run = perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), times(OMEGA_N, TICK))
     plain = baseline_model(SCALES, 1.0, False, {})
-    assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < ENOUGH
+    assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < MISSES_BY

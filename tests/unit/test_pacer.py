@@ -8,7 +8,7 @@ import pytest
 
 from seod.loop import pacer as module
 from seod.loop.pacer import SensorPacer, SimulatedPacer, TimerPacer
-from seod.ring import Shared, Word
+from seod.processes.ring import Shared, Word
 
 
 class FakeTime:

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from seod.estimate.phases import Phases, Stretch
-from seod.estimate.switches import Switch
+from seod.estimate.limit_cycle.switches import Switch
+from seod.estimate.wave.phases import Phases, PhaseSegment
 
 
 def switches(*halves: tuple[int, float]) -> list[Switch]:
@@ -37,12 +37,12 @@ def test_one_phase_is_alike_all_over() -> None:
 
 def test_the_newest_phase_where_it_holds_two_cycles() -> None:
     found = turned(3.0).alike(0.0, switches((6, 0.5), (6, 0.8)))
-    assert found == pytest.approx(Stretch(3.0 + 2 * 0.8, 3.0 + 6 * 0.8, 1.6))
+    assert found == pytest.approx(PhaseSegment(3.0 + 2 * 0.8, 3.0 + 6 * 0.8, 1.6))
 
 
 def test_else_the_phase_before() -> None:
     found = turned(3.0).alike(0.0, switches((6, 0.5), (4, 0.8)))
-    assert found == pytest.approx(Stretch(1.0, 3.0, 1.0))
+    assert found == pytest.approx(PhaseSegment(1.0, 3.0, 1.0))
 
 
 def test_no_two_cycles_of_any_phase_are_a_stretch_of_no_length() -> None:
@@ -54,4 +54,4 @@ def test_no_two_cycles_of_any_phase_are_a_stretch_of_no_length() -> None:
 def test_turns_that_are_long_past_are_forgotten() -> None:
     phases = turned(*(float(k) for k in range(1, 500)))
     assert len(phases._turns) == 100
-    assert phases.alike(-math.inf, []) == Stretch(-math.inf, -math.inf, 0.0)
+    assert phases.alike(-math.inf, []) == PhaseSegment(-math.inf, -math.inf, 0.0)

@@ -8,8 +8,8 @@ import socket
 import sys
 from typing import TYPE_CHECKING
 
-from seod import sdnotify
-from seod.process import ChildArguments, read_memfd, receive_json, send_json, write_memfd
+from seod.processes.handover import ChildArguments, read_memfd, receive_json, send_json, write_memfd
+from seod.supervisor import sdnotify
 
 if TYPE_CHECKING:
     import pytest

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.gateway.params import AxisParams, EstopParams, Params, SetParams, SubscribeParams, read_params
-from seod.protocol import (
+from seod.protocol.jsonrpc import (
     INVALID_PARAMS,
     INVALID_REQUEST,
     MAX_BATCH,
@@ -16,11 +16,10 @@ from seod.protocol import (
     Refusal,
     Request,
     RpcError,
-    encode,
-    error_message,
+    error_text,
     notification,
     parse,
-    result_message,
+    result_text,
     unknown_method,
 )
 
@@ -109,7 +108,7 @@ def test_every_request_with_a_usable_id_keeps_it(message):
     sent = message if call.batch else [message]
     assert [request.id for request in call.requests] == [usable_id(each) for each in sent]
     for request in call.requests:
-        encode(error_message(request.id, RpcError(0, "x")))
+        error_text(request.id, RpcError(0, "x"))
 
 
 def test_a_batch_is_not_too_long():
@@ -131,7 +130,7 @@ def test_parameters_of_any_kind_are_taken_or_refused(message):
             read_params(model, request.params)
         except RpcError as error:
             assert error.code == INVALID_PARAMS  # noqa: PT017 - it may, but need not be raised
-            encode(error_message(request.id, error))
+            error_text(request.id, error)
 
 
 @pytest.mark.parametrize(
@@ -177,13 +176,13 @@ def test_undefined_numbers_become_null():
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers_keep_all_their_digits(x):
-    assert json.loads(encode(result_message(1, x)))["result"] == x
+    assert json.loads(result_text(1, x))["result"] == x
 
 
 @settings(max_examples=50)
 @given(JSON)
 def test_a_message_is_one_line(value):
-    line = encode(result_message("id", value))
+    line = result_text("id", value).encode() + b"\n"
     assert line.endswith(b"\n")
     assert line.count(b"\n") == 1
 

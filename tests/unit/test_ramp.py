@@ -82,12 +82,31 @@ class FakeClient:
     def stop(self, axis: str) -> None:
         self.calls.append("stop")
 
-    def estimates(self, axis: str, timeout: float) -> list[dict[str, Any]]:
+    def subscribe(self, topics: list[str], axes: list[str]) -> int:
+        self.calls.append("subscribe")
+        return 7
+
+    def unsubscribe(self, subscription: int) -> None:
+        assert subscription == 7
+        self.calls.append("unsubscribe")
+
+    def forget(self) -> None:
+        """Nothing is waiting."""
+
+    def notifications(self, timeout: float) -> list[dict[str, Any]]:
+        """First an estimate of the rows before the change, which comes late; then the change's event."""
         quality = "fault" if self.e_a >= self.fault_at else "ok"
-        return [{**e, "quality": quality} for e in estimates(0.2)]
+        told = [{**e, "quality": quality, "axis": "motor"} for e in estimates(0.2)]
+        late = {**told[0], "t": told[0]["t"] - 5.0, "zeta": 9.0}
+        changed = {"axis": "motor", "t": told[0]["t"], "values": {"e_a": self.e_a}}
+        every = [("estimate", late), ("event", changed), *(("estimate", e) for e in told)]
+        return [{"method": method, "params": params} for method, params in every]
 
 
-@pytest.mark.parametrize(("state", "calls"), [("idle", ["start", "stop"]), ("exciting", [])])
+@pytest.mark.parametrize(
+    ("state", "calls"),
+    [("idle", ["subscribe", "start", "unsubscribe", "stop"]), ("exciting", ["subscribe", "unsubscribe"])],
+)
 def test_amplitude_and_state_are_restored(state: str, calls: list[str]) -> None:
     client = FakeClient(state)
     steps = list(ramp(client, "motor", 0.1, 0.4, 4))
@@ -99,4 +118,4 @@ def test_a_fault_ends_the_ramp_and_restores_the_amplitude() -> None:
     client = FakeClient("idle", fault_at=0.3)
     with pytest.raises(CalibrationError, match="too far"):
         list(ramp(client, "motor", 0.1, 0.4, 4))
-    assert (client.e_a, client.calls) == (0.5, ["start", "stop"])
+    assert (client.e_a, client.calls) == (0.5, ["subscribe", "start", "unsubscribe", "stop"])

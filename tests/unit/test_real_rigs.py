@@ -25,7 +25,7 @@ def left(name, plant, speed):
     s = new_state(p, float(data.t[0]), 0.0 if speed else float(data.y[0]))
     s["velocity"] = data.y[0] if speed else 0.0
     y = np.empty(len(data.t))
-    follow(p[0], s[0], data.t, data.u, data.t, NONE, NONE, NONE, y)
+    follow(p[0], s[0], data.t, data.u, data.t, NONE, NONE, NONE, NONE, y)
     error = data.y - y
     return float(np.sqrt(np.mean((error - (error.mean() if speed else 0.0)) ** 2)) / np.std(data.y))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from seod import realtime
+from seod.processes import realtime
 
 if TYPE_CHECKING:
     from pathlib import Path

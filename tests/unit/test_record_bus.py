@@ -12,10 +12,11 @@ from fake_loop import rig_config
 from record_rows import until
 
 from drivers.can_config import CanOptions
-from seod.gateway.process import GatewayError, start_recording
+from seod.observe.process import ObserveError, start_recording
 from seod.record import bus as bus_module
 from seod.record.bus import BusLog
-from seod.record.opening import BusLogError, open_bus_log
+from seod.record.errors import BusLogError
+from seod.record.opening import open_bus_log
 
 CHANNELS = itertools.count()
 
@@ -182,5 +183,5 @@ def test_without_a_bus_there_is_none_to_log(tmp_path):
     config = rig_config()
     assert open_bus_log(config, tmp_path) is None
     asked = config.model_copy(update={"record": config.record.model_copy(update={"bus_log": "bus.blf"})})
-    with pytest.raises(GatewayError, match="driver kind virtual has no bus"):
+    with pytest.raises(ObserveError, match="driver kind virtual has no bus"):
         start_recording(None, asked, tmp_path / "rig.yaml")

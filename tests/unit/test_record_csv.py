@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from record_rows import until
 
+from seod.observe.recording import Recording
+from seod.processes.ring import FLAG_FRESH, AxisState
 from seod.record import csv_recorder as record
 from seod.record.csv_recorder import CsvFile, CsvLines, CsvRecorder, header
 from seod.record.layout import row_dtype
-from seod.ring import FLAG_FRESH, AxisState
 
 
 def rows(count, axes=1, first=0, flags=FLAG_FRESH):
@@ -48,7 +49,8 @@ def test_one_axis_has_the_columns_of_measured_data(tmp_path):
         assert float(line["y"]) == row["axes"]["y"][0]
         assert float(line["t_u"]) == row["axes"]["t_u"][0]
         assert line["state"] == "exciting"
-    assert recorder.report() == {"file": str(tmp_path / "a.csv"), "rows": 5, "lost": 0, "error": None}
+    report = {"file": str(tmp_path / "a.csv"), "rows": 5, "waiting": 0, "lost": 0, "error": None}
+    assert recorder.report() == report
 
 
 def test_several_axes_carry_their_names(tmp_path):
@@ -117,20 +119,41 @@ class FullDisk:
         return written
 
 
-def test_a_full_disk_costs_whole_rows_and_recording_goes_on_once_there_is_room(tmp_path, monkeypatch):
+def test_on_a_full_disk_rows_wait_until_there_is_room(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(record, "RETRY_S", 0.01)
     disk = FullDisk(len(header(["motor"])) + 150)
     monkeypatch.setattr(record.os, "write", disk)
     recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    recording = Recording(recorder)
     recorder.add(rows(100))
     until(lambda: recorder.error)
-    assert recorder.error == f"{tmp_path / 'a.csv'} cannot be written: No space left on device"
+    full = f"{tmp_path / 'a.csv'} cannot be written: No space left on device"
+    assert list(recording.news()) == [full]
+    told = recording.report()["recorder"]
+    assert (told["rows"], told["waiting"], told["lost"], told["error"]) == (0, 100, 0, full)
     assert (tmp_path / "a.csv").read_text() == header(["motor"])  # no torn line
     disk.room = 10**9
     recorder.add(rows(10, first=100))
+    until(lambda: not recorder.waiting)
     until(lambda: not recorder.error)
-    recorder.close()
-    assert [int(line["tick"]) for line in read(tmp_path / "a.csv")] == list(range(100, 110))
-    assert recorder.report()["lost"] == 100
+    assert list(recording.news()) == [f"recording goes on in {tmp_path / 'a.csv'}"]
+    recording.close()
+    assert [int(line["tick"]) for line in read(tmp_path / "a.csv")] == list(range(110))
+    assert recording.rows_missing == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_what_a_full_disk_never_took_is_told_at_the_end(tmp_path, monkeypatch, capsys):
+    lines = CsvLines(1)
+    room = len(header(["motor"])) + len(lines.lines(rows(600)[:500])) + 7
+    monkeypatch.setattr(record.os, "write", FullDisk(room))
+    recorder = CsvRecorder(tmp_path / "a.csv", ["motor"])
+    recorder.add(rows(600))
+    assert recorder.close() == 100
+    assert [int(line["tick"]) for line in read(tmp_path / "a.csv")] == list(range(500))
+    path = tmp_path / "a.csv"
+    why = f"{path} cannot be written: No space left on device"
+    assert capsys.readouterr().err == f"seod: recording {path}: 100 rows are not in it: {why}\n"
 
 
 def test_a_deleted_file_is_noticed(tmp_path):
@@ -149,7 +172,8 @@ def test_a_disk_that_hangs_costs_rows_but_no_memory_and_no_time(tmp_path, monkey
     for _ in range(100):
         recorder.add(rows(10))
     assert recorder.waiting == 50
-    assert recorder.report() == {"file": str(tmp_path / "a.csv"), "rows": 0, "lost": 950, "error": None}
+    report = {"file": str(tmp_path / "a.csv"), "rows": 0, "waiting": 50, "lost": 950, "error": None}
+    assert recorder.report() == report
     works_again.set()
     recorder.close()
     assert recorder.report()["rows"] == len(read(tmp_path / "a.csv")) == 50

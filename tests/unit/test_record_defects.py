@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.data import Recording
-from seod.diagnose.column_check import gain_remarks
-from seod.diagnose.counts import counts
-from seod.diagnose.defects import examine
-from seod.diagnose.stencil import slopes
+from seod.diagnose.record.column_checks import gain_remarks
+from seod.diagnose.record.defects import examine
+from seod.diagnose.record.fourth_differences import slopes
+from seod.diagnose.record.sensor_step import counts
 from sim.defects import jittered, missing_samples, outliers
 
 NOISE = 0.01

@@ -13,13 +13,13 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from record_rows import OFFSET_NS, Content, about, rows, until
 
+from seod.processes.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 from seod.record import disk as disk_module
 from seod.record import recorder as recorder_module
 from seod.record.disk import DiskFile
 from seod.record.layout import COUNTERS, EVENTS, decode
 from seod.record.recorder import McapRecorder
 from seod.record.series import Note, Rotation, Series, joined
-from seod.ring import AXIS_FIELDS, FLAG_FRESH, AxisState
 
 NEVER = Rotation()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import socket
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,18 +19,19 @@ from drivers.base import DriverError
 from drivers.replay import ReplayDriver, ReplayOptions
 from seod.config.model import RigConfig
 from seod.estimate import make_estimator
-from seod.gateway.estimation import Axis
-from seod.gateway.hub import Hub
-from seod.gateway.process import clock_of
-from seod.gateway.recording import Recording
-from seod.gateway.rig import Rig
 from seod.loop.replay import Replay
+from seod.observe.estimation import Axis
+from seod.observe.feeds import Feeds
+from seod.observe.process import clock_of
+from seod.observe.recording import Recording
+from seod.observe.rig import Rig
+from seod.processes.link import Link
+from seod.processes.ring import Shared, Word
 from seod.record.layout import ESTIMATES, EVENTS
 from seod.record.mcap_file import About
 from seod.record.read import RecordingError, beginning, items, parts
 from seod.record.recorder import McapRecorder
 from seod.record.series import Note, Rotation, Series
-from seod.ring import Shared
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -63,9 +66,23 @@ class Notes:
         return [dict(note.message) for note in self.notes if note.topic == topic]
 
 
+def nobody() -> Feeds:
+    """A gateway without clients."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.close()
+    with ours:
+        return Feeds(Link(ours))
+
+
 def gateway(config: RigConfig, shared: Shared, recorder: Recorder) -> Rig:
     return Rig(
-        config, shared, Hub(), make_estimator, clock_of(config, shared), lambda: None, Recording(recorder)
+        config,
+        shared,
+        nobody(),
+        make_estimator,
+        clock_of(config, shared),
+        lambda *_: None,
+        Recording(recorder),
     )
 
 
@@ -207,12 +224,16 @@ def test_a_small_ring_and_real_time_change_nothing(recording: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_can_be_started_and_what_ends_a_movement_is_done(played: Played) -> None:
-    for number, op in enumerate(("start", "set", "drive", "stop", "estop", "reset", "keepalive")):
+    ops = {"start": False, "set": False, "drive": False, "stop": True, "reset": True, "keepalive": True}
+    for number, op in enumerate(ops):
         played.shared.commands.put({"id": number, "op": op, "axis": None, "values": {}})
-    answers = {}
-    played.rig.mailbox.answered = lambda reply: answers.update({reply["id"]: reply["ok"]})  # type: ignore[method-assign]
+    played.shared.words[Word.ESTOPS] += 1
+    reader = Shared(1, played.shared.rows, os.dup(played.shared.fd))
     played.run()
-    assert answers == {0: False, 1: False, 2: False, 3: True, 4: True, 5: True, 6: True}
+    replies = [event for event in reader.events.take() if event["event"] == "reply"]
+    reader.close()
+    assert [reply["ok"] for reply in replies] == list(ops.values())
+    assert played.shared.words[Word.ESTOPS_OBEYED] == 1
 
 
 def test_other_axes_than_the_recorded_ones_are_refused(played: Played) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete, dlsim
 
-from seod.respond import RespondError, Stretch, respond
+from seod.respond import RespondError, Segment, respond
 from seod.respond.fit import Plant, fit, model
 from seod.respond.period import even_voltage, find_period
 from seod.respond.points import Points
@@ -45,7 +45,7 @@ def multisine(n, period, seed=1, orders=range(1, 60, 2), rate=RATE):
 def recorded(u, y, seed=2, noise=0.0, rate=RATE, **more):
     t = np.arange(len(u)) / rate
     y = y + np.random.default_rng(seed).normal(0.0, noise or 1e-12, len(u))
-    return Stretch.of("test", t, u, y, None, **more)
+    return Segment.of("test", t, u, y, None, **more)
 
 
 @pytest.mark.parametrize(("output", "noise"), [("position", 5e-4), ("velocity", 0.05)])
@@ -110,7 +110,7 @@ def test_a_linear_plant_has_no_distortion_even_under_feedback() -> None:
         y[k] = x[0, 0] + random.normal(0.0, 3e-3)
         u[k] = r[k] - 1.2 * y[k]
         x = A @ x + B * u[k]
-    found = respond([Stretch.of("loop", t, u, y, None, period=1.5).after(3.0)])
+    found = respond([Segment.of("loop", t, u, y, None, period=1.5).after(3.0)])
     assert not found.detection.distortion(True)[1]
     assert not found.detection.distortion(False)[1]
     assert abs(found.fit.plant.zeta - 0.3) < 4.0 * found.fit.sd["zeta"] < 0.02
@@ -130,7 +130,7 @@ def test_jitter_gaps_and_a_period_between_ticks_do_no_harm() -> None:
     truth = Plant(17.0, 80.0, 0.3)
     y = continuous(truth, began, u, t)
     y[random.choice(9000, 400, replace=False)] = math.nan
-    found = respond([Stretch.of("jitter", t, u, y, began, period=period).after(2 * period)])
+    found = respond([Segment.of("jitter", t, u, y, began, period=period).after(2 * period)])
     assert np.allclose(found.points.G, model(truth, found.points.omega, "position"), rtol=2e-3)
     assert found.fit.plant.zeta == pytest.approx(0.3, rel=2e-3)
     assert found.fit.plant.omega_n == pytest.approx(80.0, rel=1e-3)
@@ -161,7 +161,7 @@ def test_a_relay_tells_its_odd_harmonics() -> None:
             else -math.copysign(0.5, y[k])
         )
         x = A @ x + B * u[k]
-    found = respond([Stretch.of("relay", np.arange(8000) / RATE, u, y, None)], K_L=K_L, delay=0.0)
+    found = respond([Segment.of("relay", np.arange(8000) / RATE, u, y, None)], K_L=K_L, delay=0.0)
     base = found.points.omega[0]
     assert found.periodic
     assert np.allclose(found.points.omega[:3] / base, [1, 3, 5], atol=1e-6)
@@ -193,25 +193,25 @@ def test_coherence_tells_noise() -> None:
 
 def test_coefficients_of_a_stepwise_voltage_are_exact() -> None:
     began = np.array([0.0, 0.11, 0.3, 0.52, 0.9, 1.3])
-    stretch = Stretch(
+    segment = Segment(
         "u", np.arange(20) / 10.0, np.zeros(20), began, np.array([1.0, -2.0, 0.5, 3.0, 0.0, 1.0])
     )
     omega = np.array([2.0, 7.0])
     fine = 0.05 + (np.arange(2_000_000) + 0.5) * 1e-6 / 2.0
-    held = stretch.u[np.searchsorted(began, fine, side="right") - 1]
+    held = segment.u[np.searchsorted(began, fine, side="right") - 1]
     integral = [2.0 * np.mean(held * np.exp(-1j * w * (fine - 0.05))) for w in omega]
-    assert np.allclose(of_voltage(stretch, 0.05, 1.0, omega), integral, atol=1e-5)
-    assert np.allclose(even_voltage(stretch, np.array([0.05, 1.05])), held.mean(), atol=1e-5)
+    assert np.allclose(of_voltage(segment, 0.05, 1.0, omega), integral, atol=1e-5)
+    assert np.allclose(even_voltage(segment, np.array([0.05, 1.05])), held.mean(), atol=1e-5)
 
 
 @pytest.mark.parametrize("period", [0.4, 0.5371])
 def test_a_period_is_found_to_a_part_of_a_tick(period) -> None:
     t = np.arange(8000) / RATE
     u = np.sign(np.sin(2 * np.pi * t / period + 0.3)) + 0.3 * np.sin(6 * np.pi * t / period)
-    found = find_period(Stretch("u", t, u, t, u))
+    found = find_period(Segment("u", t, u, t, u))
     assert found == pytest.approx(period, abs=2e-5)
     sweep = np.sin(2 * np.pi * (1.0 + 2.0 * t) * t)
-    assert find_period(Stretch("u", t, sweep, t, sweep)) is None
+    assert find_period(Segment("u", t, sweep, t, sweep)) is None
 
 
 @given(st.integers(0, 10_000))
@@ -240,19 +240,19 @@ def test_what_tells_nothing_is_said() -> None:
     with pytest.raises(RespondError, match="y never changes"):
         recorded(u, np.zeros(3000) * y, noise=0.0).__class__.of("flat", t, u, 0.0 * y, None)
     with pytest.raises(RespondError, match="u never changes"):
-        Stretch.of("still", t, 0.0 * u, y, None)
-    with pytest.raises(RespondError, match="fewer than"):
-        Stretch.of("short", t[:20], u[:20], y[:20], None)
-    with pytest.raises(RespondError, match="fewer than"):
-        Stretch.of("nan", t, u, y * math.nan, None)
+        Segment.of("still", t, 0.0 * u, y, None)
+    with pytest.raises(RespondError, match="it takes"):
+        Segment.of("short", t[:20], u[:20], y[:20], None)
+    with pytest.raises(RespondError, match="it takes"):
+        Segment.of("nan", t, u, y * math.nan, None)
     with pytest.raises(RespondError, match="do not increase"):
-        Stretch.of("back", t[::-1], u, y, t)
+        Segment.of("back", t[::-1], u, y, t)
     with pytest.raises(RespondError, match="holds 2 settled periods"):
         spectra(recorded(u, y, period=1.4))
     with pytest.raises(RespondError, match="no samples for"):
         respond(
             [
-                Stretch.of(
+                Segment.of(
                     "gap", np.where(t > 1.0, t + 9.0, t), np.random.default_rng(1).normal(size=3000), y, None
                 )
             ]
@@ -268,7 +268,7 @@ def test_any_data_give_a_word_or_a_reason(seed, kind) -> None:
     y = random.normal(size=n) if kind < 2 else np.round(random.normal(size=n))
     y[random.random(n) < 0.05] = math.nan
     try:
-        quality = respond([Stretch.of("any", t, u, y, None if kind else t + 1e-4)]).quality
+        quality = respond([Segment.of("any", t, u, y, None if kind else t + 1e-4)]).quality
     except RespondError:
         quality = "refused"
     assert quality in ("refused", "ok", "noisy", "nonlinear", "out_of_range")
@@ -277,6 +277,6 @@ def test_any_data_give_a_word_or_a_reason(seed, kind) -> None:
 def test_windows_of_a_relay_whose_phase_wanders_are_laid_upon_each_other() -> None:
     t = np.arange(8000) / RATE
     u = np.sign(np.sin(2 * np.pi * t / 0.08 + 0.6 * np.sin(2 * np.pi * t / 7.0)))
-    found = spectra(Stretch("relay", t, u, t, u, period=0.08))
+    found = spectra(Segment("relay", t, u, t, u, period=0.08))
     fifth = found.u[:, 4]
     assert abs(fifth.mean()) > 0.95 * np.sqrt(np.mean(np.abs(fifth) ** 2))

@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 from seod.calibrate.procedure import CalibrationError
 from seod.cli import app
 from seod.config.load import load_rig
+from seod.files.shipped import configs_dir
 from seod.loop.tones import MOST_TONES
-from seod.paths import configs_dir
-from seod.respond import RespondError, Stretch, respond
+from seod.respond import RespondError, Segment, respond
 from seod.respond.design import Excitation, Room, largest, multisines, settling_time, sines
 from seod.respond.fit import Plant
-from seod.respond.live import Wishes, at_rest_afterwards, drive_all, measure, plan, room_of
+from seod.respond.live import Options, at_rest_afterwards, drive_all, measure, plan, room_of
 from seod.respond.predict import predict
 from seod.respond.relay import recorded
 from tests.unit.flow_truth import Actuator, driven, relay_run
@@ -84,24 +84,24 @@ def test_a_plan_fits_the_rig_or_says_what_would(rig: RigConfig) -> None:
     axis = rig.axes["motor"]
     room = room_of(axis, 0.1, 0.0, 0.0)
     assert room.measured == pytest.approx(0.6 * 0.45)  # limits.amplitude is nearer than the travel
-    drives = plan(axis, Wishes(), room, 17.0, PLANT)
+    drives = plan(axis, Options(), room, 17.0, PLANT)
     assert len(drives) == 4
     assert all(drive.most <= 0.5 for drive in drives)
     assert all(drive.duration - drive.settling == pytest.approx(6 * drive.period + 0.05) for drive in drives)
     with pytest.raises(RespondError, match=r"V fits"):
-        plan(axis, Wishes(amplitude=1.9), room, 17.0, PLANT)
+        plan(axis, Options(amplitude=1.9), room, 17.0, PLANT)
     with pytest.raises(RespondError, match="give the band"):
-        plan(axis, Wishes(), room, 17.0, None)
+        plan(axis, Options(), room, 17.0, None)
     with pytest.raises(RespondError, match=r"limits\.excitation"):
-        plan(axis, Wishes(periods=1000, band=(0.1, 50.0)), room, 17.0, PLANT)
+        plan(axis, Options(periods=1000, band=(0.1, 50.0)), room, 17.0, PLANT)
     with pytest.raises(RespondError, match="no room"):
         room_of(axis, 1.2, 0.0, 0.0)
 
 
 def test_sines_are_smaller_where_the_position_would_swing_too_far(rig: RigConfig) -> None:
     axis = rig.axes["motor"]
-    wishes = Wishes(kind="sine", points=6, band=(0.5, 50.0), amplitude=0.5)
-    drives = plan(axis, wishes, room_of(axis, 0.0, 0.0, 0.0), 17.0, PLANT)
+    options = Options(kind="sine", points=6, band=(0.5, 50.0), amplitude=0.5)
+    drives = plan(axis, options, room_of(axis, 0.0, 0.0, 0.0), 17.0, PLANT)
     volts = [drive.tones[0].amplitude for drive in drives]
     assert volts[0] == pytest.approx(0.27 * 2 * math.pi * 0.5 / 17.0, rel=0.05)
     assert volts[-1] == 0.5
@@ -133,15 +133,15 @@ class FakeClient:
         return [dict(zip(keys, row, strict=True)) | {"fresh": k % 50 != 7} for k, row in enumerate(rows)]
 
 
-def test_drives_are_made_into_stretches_that_tell_the_plant(rig: RigConfig) -> None:
+def test_drives_are_made_into_segments_that_tell_the_plant(rig: RigConfig) -> None:
     client = FakeClient()
     axis = rig.axes["motor"]
-    wishes = Wishes(realisations=2, periods=3, band=(2.0, 50.0))
-    drives = plan(axis, wishes, room_of(axis, 0.0, 0.0, 0.0), 17.0, PLANT)
-    stretches = drive_all(client, "motor", drives, "position", lambda done: None)  # type: ignore[arg-type] # as much of a rig as is needed
+    options = Options(realisations=2, periods=3, band=(2.0, 50.0))
+    drives = plan(axis, options, room_of(axis, 0.0, 0.0, 0.0), 17.0, PLANT)
+    segments = drive_all(client, "motor", drives, "position", lambda done: None)  # type: ignore[arg-type] # as much of a rig as is needed
     assert client.drives == 2
-    assert stretches[0].t[0] == pytest.approx(100.0 + drives[0].settling, abs=1e-3)
-    found = respond(stretches)
+    assert segments[0].t[0] == pytest.approx(100.0 + drives[0].settling, abs=1e-3)
+    found = respond(segments)
     assert found.fit.plant.zeta == pytest.approx(0.21, rel=5e-3)
     assert found.fit.plant.omega_n == pytest.approx(117.0, rel=2e-3)
 
@@ -167,7 +167,7 @@ def test_a_busy_axis_is_left_alone(rig: RigConfig, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("seod.respond.live.RemoteRig", Silent)
     client = FakeClient("exciting")
     with pytest.raises(CalibrationError, match="is exciting: stop"):
-        measure(client, "motor", rig.axes["motor"], Wishes(), lambda what, done: None)  # type: ignore[arg-type] # likewise
+        measure(client, "motor", rig.axes["motor"], Options(), lambda what, done: None)  # type: ignore[arg-type] # likewise
     assert (client.stopped, client.drives) == (0, 0)
 
 
@@ -198,8 +198,8 @@ def test_what_a_large_amplitude_changes_is_predicted(rig: RigConfig, e_a: float)
     expected = predict(config, "motor", [drive], e_a, SERVO.K_L)
     t = np.arange(6500) * TICK
     u = sum(a * np.sin(2 * np.pi * f * t + p) for f, a, p in drive.tones)
-    stretch = Stretch.of("apart", t, u, driven(SERVO, u), None, period=drive.period).after(1.0)
-    assert expected.response.zeta == pytest.approx(respond([stretch]).fit.plant.zeta, rel=0.01)
+    segment = Segment.of("apart", t, u, driven(SERVO, u), None, period=drive.period).after(1.0)
+    assert expected.response.zeta == pytest.approx(respond([segment]).fit.plant.zeta, rel=0.01)
     t, u, y = relay_run(SERVO, e_a, 1.5)
     late = t > 0.7
     cycle = recorded("apart", t[late], u[late], y[late], None, "position", SERVO.K_L, 0.0).plant
@@ -281,10 +281,10 @@ def test_a_plot_without_matplotlib_is_told(
 ) -> None:
     real = builtins.__import__
 
-    def without(name: str, *rest: Any) -> Any:
+    def without(name: str, *rest: Any, **more: Any) -> Any:
         if name.startswith("matplotlib"):
             raise ImportError(name)
-        return real(name, *rest)
+        return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)
     code, _, err = invoke(recordings[0], "--plot", "x.png")

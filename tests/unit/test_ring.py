@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seod.ring import AXIS_FIELDS, MESSAGE_SLOTS, Shared, Word, bin_edges_us
+from seod.processes.ring import AXIS_FIELDS, MESSAGE_SLOTS, Column, Shared, Word, bin_edges_us
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,6 +37,13 @@ def read_rows(block: Shared) -> list[int]:
     ring.tail = head
     at = [(entry % ring.slots) * ring.slot_bytes for entry in range(tail, head)]
     return [block.row_struct.unpack_from(ring.data, offset)[0] for offset in at]
+
+
+def test_each_column_of_a_row_has_its_place_by_name(shared: Shared) -> None:
+    names = (*AXIS_FIELDS, "state", "flags")
+    assert [getattr(Column, name.upper()) for name in names] == list(range(Column.COUNT))
+    values = shared.row_struct.unpack(bytes(shared.row_struct.size))
+    assert len(values) == 2 + shared.axes * Column.COUNT
 
 
 @given(st.lists(st.one_of(st.integers(1, 200), st.just(-1)), max_size=30))
@@ -95,3 +102,9 @@ def test_histogram_edges_span_a_microsecond_to_tens_of_milliseconds() -> None:
     assert edges[0] == 1.0
     assert edges == sorted(edges)
     assert 4e4 < edges[-1] < 5e4
+
+
+def test_each_word_of_the_status_block_is_one_things():
+    numbers = [number for name, number in vars(Word).items() if name.isupper() and name != "WORDS"]
+    assert len(set(numbers)) == len(numbers)
+    assert max(numbers) < Word.WORDS

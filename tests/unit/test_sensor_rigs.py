@@ -12,9 +12,9 @@ import pytest
 
 from seod.config.sensors import sensor_or_none
 from seod.estimate import make_estimator
-from seod.gateway.estimation import Axis
 from seod.loop.sensor import make_sensor
-from seod.ring import AXIS_FIELDS, FLAG_SATURATED, AxisState
+from seod.observe.estimation import Axis
+from seod.processes.ring import AXIS_FIELDS, FLAG_SATURATED, AxisState
 from sim.actuator import Actuator
 from sim.config import PlantConfig, SimulationConfig
 from sim.rig import SimulatedRig

@@ -11,7 +11,7 @@ from drivers.serial_config import CODES, FieldOptions, SerialOptions
 from drivers.serial_counters import COUNTER_NAMES
 from seod.config.errors import ConfigErrors
 from seod.config.load import load_text
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 from tests.unit.serial_bench import make_options
 
 SERIAL = (configs_dir() / "serial.yaml").read_text()

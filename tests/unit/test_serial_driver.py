@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import select
 import time
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,10 @@ import pytest
 from drivers.base import DriverError
 from drivers.neutral import SerialNeutral, open_neutral
 from drivers.serial import SerialDriver
-from drivers.serial_frame import COMMAND, HELLO, SAMPLE, Splitter, decode, encode, hello
+from drivers.serial_counters import COUNTER_NAMES
+from drivers.serial_frame import COMMAND, HELLO, SAMPLE, BoardSample, Splitter, decode, encode, hello
 from drivers.serial_handshake import Handshake
+from drivers.serial_inputs import SerialInputs
 from tests.unit.serial_bench import BoardPeer, SerialBench, make_options, until
 
 if TYPE_CHECKING:
@@ -122,6 +125,23 @@ def test_what_the_board_says_of_itself_is_counted(running: SerialBench) -> None:
     running.peer.send(running.peer.frame(0.0, late))
     running.read()
     assert running.count("watchdog_trips") == 1
+
+
+def test_a_line_on_which_nothing_came_is_neither_read_nor_looked_at(
+    running: SerialBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both wait for the kernel's worker, which has no real-time priority."""
+    fd, looked_at = running.driver._link._fd, []  # type: ignore[attr-defined]
+    read, wait = os.read, select.select
+    monkeypatch.setattr(os, "read", lambda at, n: (looked_at.append(at), read(at, n))[1])
+    monkeypatch.setattr(select, "select", lambda i, *rest: (looked_at.extend(i), wait(i, *rest))[1])
+    for _ in range(20):
+        running.read()
+        running.driver.wait(time.monotonic() + 1e-4)
+    assert fd not in looked_at
+    running.sample(0.5)
+    assert running.read()[0] == pytest.approx(0.5)
+    assert fd in looked_at
 
 
 # What goes out
@@ -273,8 +293,61 @@ def test_a_port_that_another_daemon_has_is_left_alone(running: SerialBench) -> N
 def test_a_silent_board_is_told(bench: SerialBench) -> None:
     bench.peer.deaf = True
     driver = SerialDriver(bench.options.model_copy(update={"handshake_s": 0.3}), time.monotonic)
-    with pytest.raises(DriverError, match=r"does not answer for 0\.3 s"):
+    with pytest.raises(DriverError, match=r"sent no HELLO for 0\.3 s, nor anything else: is it switched on"):
         driver.open(["angle"], ["valve"])
+
+
+@pytest.mark.parametrize(
+    ("sent", "says"),
+    [
+        (
+            b"Grbl 1.1h ['$' for help]\r\n",
+            r"but \d+ other bytes, at first b\"Grbl 1\.1h .*driver.format ascii",
+        ),
+        (
+            encode(HELLO, 0, bytes(8) + b"\xff\xfe/h\0x"),
+            "the last of them a HELLO whose layout .* is no text",
+        ),
+        (encode(HELLO, 0, b"\1\0"), "the last of them a HELLO of 2 bytes"),
+    ],
+)
+def test_a_stranger_on_the_line_is_told_by_what_it_sends(bench: SerialBench, sent: bytes, says: str) -> None:
+    bench.peer.deaf = True
+    driver = SerialDriver(bench.options.model_copy(update={"handshake_s": 0.3}), time.monotonic)
+    ask = driver._link.send
+    driver._link.send = lambda data: ask(data) and bench.peer.send(sent) is None  # type: ignore[method-assign]
+    with pytest.raises(DriverError, match=says):
+        driver.open(["angle"], ["valve"])
+
+
+def test_a_name_in_another_encoding_is_no_reason_to_refuse_a_board(bench: SerialBench) -> None:
+    body = hello(1, "iB/h", 2000.0, 0.05, "")[:-1]
+    named = decode(body).body + "Prüfstand".encode("latin-1")
+    bench.peer.board._form.hello = lambda: encode(HELLO, 0, named)  # type: ignore[method-assign]
+    bench.driver.open(bench.inputs, bench.outputs)
+
+
+def test_what_is_odd_is_told_once_and_when_it_is_over(running: SerialBench) -> None:
+    notices = ["", "sends 99.9", "sends 100.1", "", ""]
+    for running.driver._inputs.notice in notices:  # type: ignore[attr-defined]
+        running.read()
+    assert [why for _, why in running.driver.remarks] == [
+        "sends 99.9",
+        "the board's samples are in order again",
+    ]
+
+
+@pytest.mark.parametrize(("rate_hz", "says"), [(200.0, "2000"), (20000.0, "2000"), (2000.0, "")])
+def test_a_board_at_another_rate_is_told_with_both_rates_and_the_key(rate_hz: float, says: str) -> None:
+    taken = SerialInputs(make_options(rate_hz=rate_hz), ("angle",), 0.0, [0] * len(COUNTER_NAMES))
+    for k in range(6000):
+        now = 100.0 + k / 2000.0
+        taken.take(BoardSample(k % 256, 500 * k, 0, None, None, [0.0, 1.0]), now)
+        taken.looked(now)
+    if says:
+        assert f"sends {says} samples/s, driver.rate_hz is {rate_hz:g}" in taken.notice
+    else:
+        assert taken.notice == ""
 
 
 HELLO_OF = {"version": 1, "layout": "iB/h", "rate_hz": 2000.0, "watchdog_s": 0.05, "name": "toy"}
@@ -304,8 +377,8 @@ def test_the_handshake_asks_again_and_again() -> None:
     shake.begin(10.0)
     due = [shake.due(10.0 + 0.05 * k) for k in range(5)]
     assert due == ["ask", "", "ask", "", "ask"]
-    assert shake.trouble(10.5) == ""
-    assert "does not answer" in shake.trouble(11.5)
+    assert shake.trouble(10.5, "") == ""
+    assert "sent no HELLO" in shake.trouble(11.5, "")
 
 
 # Another process' neutral

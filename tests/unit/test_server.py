@@ -1,12 +1,17 @@
 import asyncio
 import json
 import socket
+from contextlib import AsyncExitStack
+from types import SimpleNamespace
 
 import pytest
 from fake_loop import eventually, peer, running
 
 from seod.gateway.connection import BACKLOG_BYTES, SEND_BUFFER_BYTES, Connection
-from seod.protocol import BUSY, MAX_LINE, TOO_MANY_CLIENTS
+from seod.gateway.lobby import PLACES
+from seod.protocol.jsonrpc import BUSY, MAX_LINE, TOO_MANY_CLIENTS, UNAUTHORISED
+
+COMMAND = "c" * 16
 
 # ---- the protocol over a socket
 
@@ -16,8 +21,9 @@ async def test_requests_in_pieces_batches_and_garbage():
         await client.send(b'{"jsonrpc":"2.0","id":"a","meth')
         await asyncio.sleep(0.01)
         await client.send(b'od":"get"}\r\n\r\n\x00\xff\n')
-        assert (await client.read())["id"] == "a"
-        assert (await client.read())["error"]["code"] == -32700
+        replies = {reply["id"]: reply for reply in [await client.read(), await client.read()]}
+        assert "result" in replies["a"]
+        assert replies[None]["error"]["code"] == -32700
         batch = [
             {"jsonrpc": "2.0", "id": 1, "method": "get"},
             {"jsonrpc": "2.0", "method": "keepalive"},
@@ -53,7 +59,7 @@ async def test_a_client_that_goes_away_in_the_middle_leaves_nothing():
             await client.send(b'{"jsonrpc":"2.0","id":1,"method":"start"}\n{"jsonrpc"')
             await eventually(lambda: run.loop.taken)
         await eventually(lambda: run.gateway.server.clients()["connected"] == 0)
-        assert not run.gateway.rig._hub._feeds
+        assert not run.gateway.hub._channels
 
 
 # ---- many and slow clients
@@ -70,9 +76,9 @@ async def test_a_client_that_never_reads_holds_up_nobody_and_costs_little():
         await asyncio.get_running_loop().sock_sendall(stuck, subscribe)
         async with peer(run) as quick:
             await quick.call("subscribe", topics=["sample"])
-            (slow,) = [c for c in run.gateway.server._connections if run.gateway.rig._hub.numbers(c) != [2]]
+            (slow,) = [c for c in run.gateway.server._connections if run.gateway.hub.numbers(c) != [2]]
             ticks = []
-            while run.gateway.rig._hub.dropped(slow) < 1000:
+            while run.gateway.hub.dropped(slow) < 1000:
                 run.loop.rows(100)
                 ticks += [(await quick.until("sample"))["tick"] for _ in range(100)]
             assert ticks == list(range(len(ticks)))  # the other one has them all
@@ -88,7 +94,7 @@ async def test_a_client_that_never_reads_holds_up_nobody_and_costs_little():
             run.loop.row()
             after = json.loads(await reader.readline())
             assert after["params"]["tick"] >= told["total"]
-            assert told["lost"] == told["total"] == run.gateway.rig._hub.dropped(slow)
+            assert told["lost"] == told["total"] == run.gateway.hub.dropped(slow)
             writer.close()
             await writer.wait_closed()
 
@@ -115,15 +121,70 @@ async def test_too_many_clients_are_told_so():
         await first.call("info")
         await second.call("info")
         async with peer(run) as third:
-            message = await third.read()
-            assert message["error"]["code"] == TOO_MANY_CLIENTS
-            assert "server.max_clients is 2" in message["error"]["message"]
+            error = await third.call("info")
+            assert error["code"] == TOO_MANY_CLIENTS
+            assert "server.max_clients is 2" in error["message"]
             with pytest.raises(EOFError):
                 await third.read()
         await second.close()
         await eventually(lambda: run.gateway.server.clients()["connected"] == 1)
         async with peer(run) as fourth:
             await fourth.call("info")
+
+
+async def test_an_estop_is_taken_from_a_client_too_many():
+    async with running(max_clients=1, command_token=COMMAND) as run, peer(run) as first:
+        await first.call("authenticate", token=COMMAND)
+        async with peer(run) as second:
+            await second.call("authenticate", token=COMMAND)
+            assert await second.call("estop") == {"ok": True}
+            assert (await second.call("reset"))["code"] == TOO_MANY_CLIENTS
+        async with peer(run) as unknown:
+            assert (await unknown.call("estop"))["code"] == UNAUTHORISED
+    assert [command["op"] for command in run.loop.taken] == ["estop"]
+
+
+async def test_who_says_nothing_takes_no_seat_and_the_oldest_leaves_first():
+    async with running(max_clients=4, command_token=COMMAND) as run, AsyncExitStack() as stack:
+        silent = [await stack.enter_async_context(peer(run)) for _ in range(PLACES)]
+        clients = run.gateway.server.clients
+        await eventually(lambda: clients()["waiting"] == PLACES)
+        for number in range(4):
+            client = await stack.enter_async_context(peer(run))
+            assert (await client.call("authenticate", token=COMMAND))["command"]
+            assert clients() == {
+                "connected": number + 1,
+                "waiting": PLACES - 1,
+                "turned_away": 1,
+                "dropped": {},
+            }
+        with pytest.raises((EOFError, ConnectionError)):
+            await silent[0].read()
+        await silent[1].call("list")  # is still there
+
+
+async def test_the_computer_with_most_silent_connections_loses_them():
+    async with running(command_token=COMMAND) as run:
+        lobby = run.gateway.server._lobby
+        crowd = [Newcomer("10.0.0.1") for _ in range(PLACES)]
+        for newcomer in (Newcomer("10.0.0.2"), *crowd, Newcomer("10.0.0.3")):
+            lobby.enter(newcomer)
+        assert [newcomer.aborted for newcomer in crowd] == [True, True] + [False] * (PLACES - 2)
+        for newcomer in list(lobby._waiting):
+            newcomer.deadline.cancel()
+            lobby.leave(newcomer)
+
+
+class Newcomer:
+    """As much of a connection as the lobby needs."""
+
+    def __init__(self, host):
+        self.host, self.aborted, self.deadline = host, False, None
+        self.session = SimpleNamespace(may_read=False)
+
+    def abort(self):
+        self.aborted = True
+        self.deadline.cancel()
 
 
 async def test_subscriptions_are_not_without_end():

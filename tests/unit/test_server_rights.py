@@ -6,7 +6,7 @@ import pytest
 from fake_loop import peer, rig_config, running
 
 from seod.gateway.server import Server, ServerError, check_safe
-from seod.protocol import UNAUTHORISED
+from seod.protocol.jsonrpc import UNAUTHORISED
 
 READ, COMMAND = "r" * 16, "c" * 16
 
@@ -37,7 +37,7 @@ async def test_with_a_read_token_only_nobody_commands():
 
 
 async def test_wrong_tokens_end_the_connection(monkeypatch):
-    monkeypatch.setattr("seod.gateway.connection.AUTHENTICATE_S", 1e3)
+    monkeypatch.setattr("seod.gateway.lobby.AUTHENTICATE_S", 1e3)
     async with running(command_token=COMMAND) as run, peer(run) as client:
         for _ in range(5):
             assert (await client.call("authenticate", token="\ud800 wrong"))["message"] == "wrong token"
@@ -46,7 +46,7 @@ async def test_wrong_tokens_end_the_connection(monkeypatch):
 
 
 async def test_who_does_not_authenticate_in_time_is_not_kept(monkeypatch):
-    monkeypatch.setattr("seod.gateway.connection.AUTHENTICATE_S", 0.05)
+    monkeypatch.setattr("seod.gateway.lobby.AUTHENTICATE_S", 0.05)
     async with running(command_token=COMMAND) as run, peer(run) as client:
         with pytest.raises(EOFError):
             await client.read()

@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from drivers.can_config import CanOptions
+from drivers.can_load import Bus
+from drivers.serial_load import Line
 from seod.config.check import check
 from seod.config.load import load_rig
 from seod.config.truth import truth
 from seod.estimate import TABLE
-from seod.gateway.estimation import Axis
+from seod.files.shipped import configs_dir
 from seod.loop.pacer import SimulatedPacer
 from seod.loop.process import make_driver
 from seod.loop.tick import Loop
-from seod.paths import configs_dir
-from seod.ring import Shared, Word
+from seod.observe.estimation import Axis
+from seod.processes.ring import Shared, Word
 from sim.can_rig import CanRig
 
 if TYPE_CHECKING:
@@ -129,8 +131,8 @@ def test_a_shipped_rig_passes_its_check_without_a_warning(path: Path) -> None:
     report = check(config)
     assert (report.refusals, report.warnings) == ((), ())
     assert config.simulation is not None
-    assert (report.bus is not None) == path.stem.endswith("can")
-    assert (report.line is not None) == (path.stem in LINES)
+    connection = None if report.connection is None else type(report.connection.traffic)
+    assert connection == (Bus if path.stem.endswith("can") else Line if path.stem in LINES else None)
 
 
 @pytest.mark.parametrize("path", [p for p in RIGS if p.stem not in LINES], ids=lambda path: path.stem)
@@ -151,8 +153,9 @@ def test_a_shipped_rig_gives_its_true_values(path: Path, simulate: Callable[[Pat
 
 @pytest.mark.parametrize("name", ["seat", "tail"])
 def test_two_axes_at_2_khz_need_more_than_a_classic_bus(name: str) -> None:
-    bus = check(load_rig(configs_dir() / f"{name}-can.yaml")).bus
-    assert bus is not None
+    connection = check(load_rig(configs_dir() / f"{name}-can.yaml")).connection
+    assert connection is not None
+    bus = connection.traffic
     assert all(frame.fd for frame in bus.frames)
     assert bus.load() < 0.5
     classic = [type(frame)(frame.name, frame.length, frame.rate_hz) for frame in bus.frames]

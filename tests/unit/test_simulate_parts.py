@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from seod.simulate.csv_file import write_csv
-from seod.simulate.progress import watched
-from seod.simulate.wishes import BELONGS, EXCITATIONS, Wishes, read_band, read_effects
+from seod.simulate.options import BELONGS, EXCITATIONS, Options, read_band, read_effects
+from seod.terminal.progress import watched
 from sim.effects import EFFECTS
 
 PLACES = [(effect, each) for effect in EFFECTS.values() for each in effect.parameters]
@@ -89,4 +89,4 @@ def test_a_band_is_two_frequencies_or_refused(text):
 def test_an_option_that_does_nothing_is_refused(option):
     for kind in set(EXCITATIONS) - set(BELONGS[option]) - {"file"}:
         with pytest.raises(ValueError, match=f"--{option} belongs to"):
-            Wishes(excitation=kind, **{option: 1})
+            Options(excitation=kind, **{option: 1})

@@ -76,6 +76,22 @@ def test_no_stamp_is_in_the_future_or_before_what_was_read(events: list[tuple[fl
         stamps.drained()
 
 
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 10.0), st.floats(-1e9, 1e9), ANY, st.booleans()), max_size=30))
+def test_whatever_stamps_come_a_time_is_the_loops(events: list[tuple[float, float, float, bool]]) -> None:
+    clocks = Clocks()
+    stamps = clocks.make()
+    for wait, step, stamp, drained in events:
+        drained_at = stamps._drained_at
+        clocks.t += wait
+        clocks.offset += step
+        assert drained_at - SLACK_S <= stamps.to_loop(stamp) <= clocks.t
+        if drained:
+            stamps.drained()
+
+
 def test_stamps_of_other_clocks_count_as_now() -> None:
     clocks = Clocks()
     assert clocks.make().to_loop(0.0) == clocks.t

@@ -10,7 +10,7 @@ import pytest
 
 from seod.loop.excite import Coast
 from seod.loop.tones import Tone, Tones, read_tones
-from seod.ring import AxisState
+from seod.processes.ring import AxisState
 from tests.unit.loop_bench import Bench, merge
 from tests.unit.test_velocity import VELOCITY
 

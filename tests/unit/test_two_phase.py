@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from drivers.base import Sample
-from seod.ring import AxisState
+from seod.processes.ring import AxisState
 from tests.unit.loop_bench import RIG, Bench, merge
 from tests.unit.ode_rig import Motor, OdeDriver
 from tests.unit.whole_rig import WholeRig

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from seod.estimate import make_estimator
-from seod.estimate.plant_response import Dynamics
-from seod.estimate.relay_run import Drive, run
-from seod.estimate.second_phase import MARGIN, SHIFTS, Choice, Reach, Seen, choose
+from seod.estimate.plant.free_motion import Dynamics
+from seod.estimate.two_phase.relay_run import Drive, run
+from seod.estimate.two_phase.second_phase import MARGIN, SHIFTS, Choice, Reach, Seen, choose
 from tests.unit.two_phase_truth import E_A, K_L, PLANTS, TICK, Alternation, motion, rows, settings
 
 FREE = Reach(math.inf, math.inf, math.inf, math.inf)

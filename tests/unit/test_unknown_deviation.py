@@ -10,13 +10,13 @@ from pydantic import ValidationError
 
 from seod.config.model import EstimatorConfig
 from seod.estimate import make_estimator
-from seod.gateway.estimation import Axis
+from seod.observe.estimation import Axis
 
 
 @pytest.mark.parametrize(
     ("written", "sd"),
     [
-        ({}, (0.0, 0.0)),
+        ({}, (0.0, 1e-3)),  # two ticks are left open
         ({"K_L_sd": 0.2, "delay_sd": "1 ms"}, (0.2, 1e-3)),
         ({"K_L_sd": "unknown", "delay_sd": "unknown"}, (math.inf, math.inf)),
     ],

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.estimate import make_estimator
-from seod.gateway.estimation import Axis
-from seod.ring import AXIS_FIELDS, FLAG_EXCITING, AxisState
+from seod.observe.estimation import Axis
+from seod.processes.ring import AXIS_FIELDS, FLAG_EXCITING, AxisState
 from tests.unit.loop_bench import PERIOD, Bench, merge
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def test_settings_change_without_a_jump_beyond_the_new_level(bench: Callable[...
         ({"reference": -60.0}, "limits.travel"),
         ({"reference": 165.0}, "limits.output"),
         ({"K_L": 2.0}, "limits.output"),
-        ({"K_L": -17.0}, "must be > 0"),
+        ({"K_L": -17.0}, "must lie within limits.K_L"),
         ({"e_a": 9.0}, "limits.output"),
         ({"K_L": math.nan}, "finite"),
     ],

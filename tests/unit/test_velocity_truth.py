@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.estimate import make_estimator
-from seod.gateway.estimation import Axis
-from seod.ring import AXIS_FIELDS, FLAG_EXCITING, AxisState
+from seod.observe.estimation import Axis
+from seod.processes.ring import AXIS_FIELDS, FLAG_EXCITING, AxisState
 from tests.unit.loop_bench import PERIOD, Bench
 from tests.unit.ode_rig import Motor, OdeDriver
 

@@ -105,7 +105,7 @@ def test_truth_and_channels_come_from_the_options() -> None:
     driver = VirtualDriver(make_options(), ManualClock())
     assert driver.truth() == {"motor": {"K_L": 17.0, "omega_n": 100.0, "zeta": 0.3}}
     assert [(c.name, c.direction, c.unit) for c in driver.channels(make_options())] == [
-        ("valve", "output", "V"),
+        ("valve", "output", ""),
         ("angle", "input", ""),
         ("estop", "input", ""),
     ]

@@ -12,9 +12,10 @@ from relay_truth import E_A, K_L, PLANTS, TICK, Loop, amplitude_of, rows, settin
 
 from seod.config.resolution import resolution_of
 from seod.config.sensors import AbsoluteEncoderConfig, IncrementalEncoderConfig, LinearConfig
-from seod.estimate import make_estimator, wave
+from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, Row
-from seod.estimate.wave_answer import repeating_counts
+from seod.estimate.wave import estimator as wave
+from seod.estimate.wave.answer import repeating_counts
 from sim.parameters import parameters
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
@@ -136,7 +137,7 @@ def kernel(effect: str, values: tuple[tuple[str, float], ...], noise: float, see
     relay["e_a"], relay["hysteresis"], relay["latency"] = E_A, 0.1 * amplitude, TICK
     y, u, t_u, none = np.zeros(2000), np.zeros(2000), np.zeros(2000), np.zeros(0)
     disturbed = noise * amplitude * np.random.default_rng(seed).standard_normal(2000)
-    sampled_relay(record[0], new_state(record)[0], relay[0], t, disturbed, none, none, y, u, t_u)
+    sampled_relay(record[0], new_state(record)[0], relay[0], t, disturbed, none, none, none, y, u, t_u)
     feed = [Row(*map(float, x), 0.0, E_A, 0.0, exciting=True) for x in zip(t, y, u, t_u, strict=True)]
     return run(feed, hysteresis=0.1 * amplitude)
 

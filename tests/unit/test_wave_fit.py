@@ -10,10 +10,13 @@ from relay_truth import E_A, K_L, PLANTS, Loop, rows
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from seod.estimate.known import Known
 from seod.estimate.noise import WHITE, memory, outliers, seen_in
-from seod.estimate.plant_response import Dynamics, StepwiseVoltage
-from seod.estimate.wave_check import NOTHING, misfit
-from seod.estimate.wave_fit import Known, Window, fit
+from seod.estimate.plant.free_motion import Dynamics
+from seod.estimate.plant.response import StepwiseVoltage
+from seod.estimate.wave.fit import fit
+from seod.estimate.wave.misfit import NOTHING, misfit
+from seod.estimate.wave.window import Window
 
 
 def integrated(plant: Dynamics, t_u, u, t):
@@ -113,7 +116,8 @@ def test_two_phases_of_voltage_tell_gain_and_delay_as_well():
     for name, truth in (("K_L", 17.0), ("omega_n", 117.0), ("zeta", 0.3), ("delay", 0.0012)):
         assert abs(getattr(found, name) - truth) < 4.0 * found.sd(name)
     assert found.sd("K_L") < 0.01 * 17.0
-    assert np.max(np.abs(found.correlation)) <= 1.0 + 1e-12
+    sd = np.sqrt(found.covariance().diagonal())
+    assert np.max(np.abs(found.covariance() / np.outer(sd, sd))) <= 1.0 + 1e-12
 
 
 def errors(base: Window, noise, count: int, plant) -> np.ndarray:

@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, Row
-from seod.estimate.gain_course import under_one_gain
-from seod.estimate.wave_answer import DRIFTS
+from seod.estimate.wave.answer import DRIFTS, Answer
+from seod.estimate.wave.gain_course import under_one_gain
 
 pytestmark = pytest.mark.slow
 
@@ -125,9 +125,9 @@ def test_a_window_in_which_the_plant_may_drift_is_less_sure():
     for row in changing(seconds=0.4):
         estimator.update(row)
     answer = estimator._newest
-    sure, doubtful = (
-        replace(answer, fit=replace(answer.fit, changed=c * DRIFTS * answer.widened**2)) for c in (0.9, 2.0)
-    )
+    fits = (replace(answer.fit, changed=c * DRIFTS * answer.widened**2) for c in (0.9, 2.0))
+    sure, doubtful = (Answer.of(answer.window, each, estimator._period()) for each in fits)
+    assert sure.widened == answer.widened
     assert sure.sd("zeta") == pytest.approx(answer.widened * answer.fit.sd("zeta"))
     assert doubtful.sd("zeta") == pytest.approx(math.sqrt(2.0) * sure.sd("zeta"))
 

@@ -12,16 +12,17 @@ if TYPE_CHECKING:
     from plant_truth import Plant
 
 
-def follow(plant: Plant, t_u, u, t, supply=None, warmth=None) -> np.ndarray:
-    """Readings at `t` under commands `u` at `t_u`; supply and warmth of row k hold on the way to it."""
+def follow(plant: Plant, t_u, u, t, supply=None, warmth=None, force=None) -> np.ndarray:
+    """Readings at `t` under commands `u` at `t_u`; conditions of row k hold on the way to it."""
     arrivals = np.asarray(t_u) + plant.of("transport_delay", "time")
     y, given = np.empty(len(t)), 0
-    changing = supply is not None or warmth is not None
+    changing = any(each is not None for each in (supply, warmth, force))
     bounds = list(t) if changing else [t[-1]]
     first = 0
     for k, bound in enumerate(bounds):
         plant.supply = supply[k] if supply is not None else 1.0
         plant.warmth = warmth[k] if warmth is not None else 0.0
+        plant.force = force[k] if force is not None else 0.0
         last = k + 1 if changing else len(t)
         while True:
             stop = min(bound, arrivals[given]) if given < len(u) else bound

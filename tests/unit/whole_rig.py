@@ -7,8 +7,8 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 from seod.estimate import make_estimator
-from seod.gateway.rig import Rig
-from seod.ring import Shared
+from seod.observe.rig import Rig
+from seod.processes.ring import Shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,8 +45,12 @@ class WholeRig:
         self.hub = Listener()
         hub: Any = self.hub
         self.gateway = Rig(
-            self.bench.config, self.shared, hub, make_estimator, self.bench.pacer.now, lambda: None
+            self.bench.config, self.shared, hub, make_estimator, self.bench.pacer.now, self.send
         )
+
+    def send(self, op: str, axis: int, values: dict[str, Any]) -> None:
+        """What the gateway does with it."""
+        self.shared.commands.put({"id": 0, "op": op, "axis": axis, "values": values})
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / POLL_S)):

@@ -52,6 +52,13 @@ exec 9> "$cache/lock"; flock 9
 miss=(); [ -x /lib/systemd/systemd ] || miss+=(systemd); command -v ip >/dev/null || miss+=(iproute2)
 [ ${#miss[@]} = 0 ] || install "${miss[@]}" >&2 || { apt-get -qq update && install "${miss[@]}"; } >&2 \
   || fail "could not install ${miss[*]}"
+xstate=
+if grep -qw amx_tile /proc/cpuinfo; then   # more registers than this kernel knows: see xstate.c
+  here=$(dirname "$(realpath "$0")") xstate=$cache/xstate.so
+  command -v gcc >/dev/null || install gcc libc6-dev >&2 || { apt-get -qq update && install gcc libc6-dev; } >&2 \
+    || fail "could not install gcc"
+  [ "$xstate" -nt "$here/xstate.c" ] || gcc -O2 -shared -fPIC -o "$xstate" "$here/xstate.c" || fail "could not build $xstate"
+fi
 flock -u 9; exec 9>&-
 mods=$(echo "$cache"/root/usr/lib/uml/modules/*)
 
@@ -127,7 +134,7 @@ E
 chmod 755 "$ctl/init"
 
 # ---- 3. run, stream the output, return the exit code
-TMPDIR=$backing timeout -k 5 "$limit" "$cache/root/usr/bin/linux.uml" mem="$mem" uml_dir="$ctl" umid=vm \
+TMPDIR=$backing timeout -k 5 "$limit" env ${xstate:+LD_PRELOAD="$xstate"} "$cache/root/usr/bin/linux.uml" mem="$mem" uml_dir="$ctl" umid=vm \
   rootfstype=hostfs rootflags=/ ro init="$ctl/init" con=null con0=fd:0,fd:1 quiet systemd.show_status=$verbose \
   </dev/null >> "$ctl/console" 2>&1 &
 pid=$!

@@ -18,6 +18,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from sim.cache import compile_plant, is_plant_compiled
+from tests.stolen import STOLEN_S, note_again, stolen_s
 
 REPO = Path(__file__).parents[2]
 GUEST = Path(__file__).with_name("guest")
@@ -76,7 +77,18 @@ def guest_report() -> dict[str, list[Result]]:
     if not is_plant_compiled():  # the guest sees the machine code; to make it there takes a minute
         compile_plant()
     with ThreadPoolExecutor(GUESTS) as guests:
-        return dict(zip(NAMES, guests.map(run_guest, NAMES), strict=True))
+        return dict(zip(NAMES, guests.map(run_patiently, NAMES), strict=True))
+
+
+def run_patiently(name: str) -> list[Result]:
+    """As `run_guest`; once more where something failed while the host took the machine's time."""
+    before = stolen_s()
+    results = run_guest(name)
+    taken = stolen_s() - before
+    if taken >= STOLEN_S and any(result.outcome == "failed" for result in results):
+        note_again(name, taken)
+        results = run_guest(name)
+    return results
 
 
 def run_guest(name: str) -> list[Result]:

@@ -6,6 +6,7 @@ import select
 import socket
 import struct
 import subprocess
+import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,6 +70,25 @@ def send_raw(can_id: int, data: bytes) -> None:
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
         bus.bind(("vcan0",))
         bus.send(struct.pack("=IB3x8s", can_id, len(data), data))
+
+
+COMMANDER = f"""
+import socket, struct, sys, time
+volts, count, pause = float(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+bus = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+bus.bind(("vcan0",))
+for number in range(count):
+    data = struct.pack("<hBB", round(volts / 0.0005), number % 16, 0)
+    data = data[:3] + bytes([data[0] ^ data[1] ^ data[2]])
+    bus.send(struct.pack("=IB3x8s", {COMMAND_ID}, 4, data))
+    time.sleep(pause)
+"""
+"""Another program on this computer, such as `cangen`: the amplifier takes its frames for ours."""
+
+
+def command(volts: float, count: int = 1, pause_s: float = 0.0) -> None:
+    """Have that program send so many commands."""
+    subprocess.run([sys.executable, "-c", COMMANDER, str(volts), str(count), str(pause_s)], check=True)
 
 
 def ip(*arguments: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from bus import CONFIG
-from conftest import run_daemon
+from conftest import PORT, run_daemon
 
 from seod.config.load import load_rig, load_text
 from seod.data import Recording, read
@@ -73,7 +73,8 @@ def test_it_swings_as_the_recording_did(tmp_path: Path) -> None:
     config = load_text(text, "extended", tmp_path)
     (tmp_path / DBC).write_text(dbc(config))
     path = tmp_path / "extended-can.yaml"
-    path.write_text(checked(on_can(text, config.loop.rate_hz), tmp_path))
+    bus_text = checked(on_can(text, config.loop.rate_hz), tmp_path)
+    path.write_text(bus_text.replace("port: 7610", f"port: {PORT}"))
     again = recorded(path, tmp_path / "again", "axis", {})
     (period, acceleration), (wanted, pushed) = limit_cycle(again), limit_cycle(measured)
     assert period == pytest.approx(wanted, rel=0.07)  # a tick a half cycle

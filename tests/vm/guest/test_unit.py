@@ -15,6 +15,7 @@ import pytest
 from bus import CONFIG
 from conftest import PORT
 
+from seod.client import Client, RequestError
 from tests.peers import REPO, SEOD, Rpc, kill, port_open, until
 
 if TYPE_CHECKING:
@@ -131,6 +132,71 @@ def test_a_supervisor_that_hangs_is_restarted(unit: Rpc, rig: Rpc) -> None:
     again = Rpc(PORT)
     assert again.call("get", axis="motor")["state"] == "idle"
     again.close()
+
+
+COMMAND = "c0mm4nd-Yt5RmPd2hGe"
+CREDENTIALS = Path("/etc/credstore")
+SECURE = """server:
+  tls: {certificate: cert.pem, key: $CREDENTIALS_DIRECTORY/tls_key}
+  command_token_file: $CREDENTIALS_DIRECTORY/command_token
+"""
+
+
+@pytest.fixture
+def secure_unit(installed: None, rig: Rpc) -> Iterator[str]:
+    """A unit whose rig file names credentials: a token, and the key of its certificate."""
+    subprocess.run(
+        ["mount", "--make-rshared", "/"], check=True
+    )  # as on a machine that has booted; else none arrive
+    CREDENTIALS.mkdir(exist_ok=True)
+    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=localhost"
+    key, certificate = CREDENTIALS / "seod.secure.tls_key", RIG_FILES / "cert.pem"
+    files = ["-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
+    subprocess.run(["openssl", *words.split(), *files], check=True, capture_output=True)
+    token = CREDENTIALS / "seod.secure.command_token"
+    token.write_text(COMMAND + "\n")
+    for path in (key, token):
+        path.chmod(0o600)
+    text = rig_file()
+    assert "\nserver:\n" in text
+    (RIG_FILES / "secure.yaml").write_text(text.replace("\nserver:\n", f"\n{SECURE}"))
+    yield "seod@secure.service"
+    systemctl("stop", "seod@secure.service")
+    systemctl("reset-failed")
+
+
+def test_token_and_key_come_from_credentials(secure_unit: str) -> None:
+    systemctl("start", secure_unit)
+    certificate = RIG_FILES / "cert.pem"
+    with (
+        Client("127.0.0.1", PORT, tls=certificate) as nobody,
+        pytest.raises(RequestError, match="authenticate first"),
+    ):
+        nobody.status()
+    with Client("127.0.0.1", PORT, COMMAND, tls=certificate) as client:
+        assert client.status()["rig"]
+        client.estop()
+    pid = systemctl("show", "--value", "-p", "MainPID", secure_unit).strip()
+    shown = (Path(f"/proc/{pid}/environ").read_bytes(), Path(f"/proc/{pid}/cmdline").read_bytes())
+    assert all(COMMAND.encode() not in data for data in shown)
+    nobody_else = [
+        "setpriv",
+        "--reuid=65534",
+        "--clear-groups",
+        "cat",
+        f"/run/credentials/{secure_unit}/command_token",
+    ]
+    assert subprocess.run(nobody_else, check=False, capture_output=True).returncode != 0
+    assert systemctl("show", "--value", "-p", "UMask", secure_unit).strip() == "0027"
+
+
+def test_a_credential_that_is_missing_is_told(secure_unit: str) -> None:
+    (CREDENTIALS / "seod.secure.command_token").unlink()
+    assert subprocess.run(["systemctl", "start", secure_unit], check=False).returncode != 0
+    words = ["journalctl", "-q", "-o", "cat", "-u", secure_unit]
+    said = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout
+    assert "server.command_token_file" in said
+    assert "No such file or directory" in said
 
 
 def test_a_wrong_rig_file_fails_with_its_reason(installed: None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,18 +12,21 @@ from plant_truth import PLACE, Plant
 
 from seod.config.load import load_rig
 from seod.data import Recording
-from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.begin import baseline, scales, unchanged
-from seod.diagnose.budget import Budget
-from seod.diagnose.fit import fit
-from seod.diagnose.judge import Judged
-from seod.diagnose.rated import rated
-from seod.diagnose.screen import screen
-from seod.diagnose.simulate import inside, simulate
-from seod.diagnose.states import simulated_states
-from seod.diagnose.thin import alike, best_alike, plainer
-from seod.diagnose.widen import widened
-from seod.diagnose.windows import Cut, cut, pieces, series, undivided
+from seod.diagnose.extend.rig_baseline import rated
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.simulate import inside, simulate
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import Cut, cut, segments, undivided
+from seod.diagnose.result import DiagnoseError
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.search.prune import alike, best_alike, plainer
+from seod.diagnose.search.race import imitates
+from seod.diagnose.search.screen import screen
+from seod.diagnose.search.whole_recordings import widened
+from seod.diagnose.starts.baseline import baseline, unchanged
+from seod.diagnose.starts.sizes import scales
 from sim.parameters import parameters
 
 pytestmark = pytest.mark.slow
@@ -64,14 +66,14 @@ def strokes():
     u = 1.6 * np.sign(np.sin(2.0 * np.pi * 0.37 * T)) + 0.5 * np.sin(2.0 * np.pi * 1.3 * T) + 0.09
     y = motor(u) + np.random.default_rng(1).normal(0.0, 1e-4, len(T))
     to_fit, aside = cut([series(recorded(T, u, y))])
-    return pieces(to_fit), aside
+    return segments(to_fit), aside
 
 
 @pytest.fixture(scope="module")
 def searched(strokes):
     """Where the search begins: the baseline with sizes on whole recordings, and the screen."""
     small, _ = strokes
-    screened = screen(small, map, Budget(time.process_time, 1e6))
+    screened = screen(small, map, Budget(seconds=1e6))
     begun = baseline(screened.cut, False, {})
     sized = replace(begun.best.model, scales=scales(begun.near, screened.cut))
     return unchanged(sized, begun.best.x, undivided(small)), screened
@@ -102,8 +104,8 @@ def test_a_load_that_slips_once_shows_no_effect_in_the_windows():
         y[k] = truth.w[PLACE]
     noise = 0.01 * np.std(y)
     y += np.where(T > 9.0, 4.0 * noise, 0.0) + np.random.default_rng(4).normal(0.0, noise, len(T))
-    small = pieces(cut([series(recorded(T, u, y))])[0])
-    screened = screen(small, map, Budget(time.process_time, 1e6))
+    small = segments(cut([series(recorded(T, u, y))])[0])
+    screened = screen(small, map, Budget(seconds=1e6))
     begun = baseline(screened.cut, False, {})
     sized = replace(begun.best.model, scales=scales(begun.near, screened.cut))
     parent = unchanged(sized, begun.best.x, undivided(small))
@@ -141,8 +143,8 @@ def test_which_effect_delays_is_asked_again_where_all_else_is_right():
         y[k] = truth.reading(truth.w)
     y += np.random.default_rng(7).normal(0.0, 0.01 * np.std(y), 4000)
     to_fit, aside = cut([series(recorded(T[:4000], u[:4000], y))])
-    small = pieces(to_fit)
-    screened = screen(small, map, Budget(time.process_time, 1e6))
+    small = segments(to_fit)
+    screened = screen(small, map, Budget(seconds=1e6))
     begun = baseline(screened.cut, False, {})
     plain = replace(begun.best.model, scales=scales(begun.near, screened.cut))
     model = plain.with_effect("backlash").with_effect("transport_delay")
@@ -169,8 +171,8 @@ def test_two_commands_do_not_tell_a_bias_from_unequal_gains(effect, other):
         u[k] = -1.0 if y[k] > 0.0 else 1.0
         truth.command(u[k])
     y += np.random.default_rng(8).normal(0.0, 0.01 * np.std(y), 4000)
-    few = pieces(cut([series(recorded(t, u, y))])[0])
-    screened = screen(few, map, Budget(time.process_time, 1e6))
+    few = segments(cut([series(recorded(t, u, y))])[0])
+    screened = screen(few, map, Budget(seconds=1e6))
     plain = replace(baseline(few, False, {}).best.model, scales=scales(baseline(few, False, {}).near, few))
     model = plain.with_effect(effect)
     full = 60.0 * 17.0 / 0.6
@@ -192,7 +194,7 @@ def test_the_longest_ripple_is_none(searched, waves, none):
     values = begun.model.values(begun.x) | {f"position_ripple.{of}": x for of, x in wave.items()}
     still = np.zeros(len(model.coordinates), np.bool_)
     found = fit(model, begun.cut, model.searched(values), begun.start, free=still)
-    assert screened.imitates(found) is none
+    assert imitates(found, screened.every) is none
 
 
 def test_a_window_may_begin_within_the_play():

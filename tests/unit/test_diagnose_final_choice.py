@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +10,13 @@ import pytest
 from diagnosis_example import LEVEL, command, simulate
 
 from seod.data import read
-from seod.diagnose.budget import Budget
-from seod.diagnose.choose import worse
-from seod.diagnose.command import diagnose
-from seod.diagnose.command_period import command_period_s, in_step, relay_period_s
-from seod.diagnose.score import HeldOut
-from seod.diagnose.windows import Cut, Series, cut, pieces
+from seod.diagnose.fitting.held_out import HeldOut
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.record.command_period import command_period_s, in_step, relay_period_s
+from seod.diagnose.record.series import Series
+from seod.diagnose.record.windows import Cut, cut, segments
+from seod.diagnose.search.budget import EFFORTS, Budget
+from seod.diagnose.search.final_choice import worse
 
 T = np.arange(0.0, 25.0, 1e-3)
 
@@ -24,7 +24,10 @@ T = np.arange(0.0, 25.0, 1e-3)
 def series(t, y, u, period_s=1.0, window_s=2.0):
     nothing = np.empty(0)
     good = np.ones(len(t), np.bool_)
-    return Series(t, y, good, t, u, nothing, nothing, 1e-3, window_s, period_s, False, 0.0, 0.0, 1e-3, 1e-3)
+    told = 1e-3, window_s, period_s, False, 0.0, 0.0, 1e-3, 1e-3
+    return Series(
+        t, y, good, t, u, *[nothing] * 3, *told, t[1] - t[0], len(np.unique(u)), ((0, len(t)),), (t, u)
+    )
 
 
 def judged(held, whole, adequacy=50.0):
@@ -65,7 +68,7 @@ def test_a_budget_is_spent_when_its_time_is_over_and_says_so_where_something_was
     now[0] = 46.0
     assert budget.remarks == ()
     assert budget.spent
-    assert "40 s of processor time" in budget.remarks[0]
+    assert "--effort thorough" in budget.remarks[0]
 
 
 def test_one_trial_has_a_part_of_it():
@@ -106,19 +109,19 @@ def test_what_is_in_step_with_a_relay_is_its_answer_but_for_its_own_frequency():
 def test_pieces_hold_a_period_at_least():
     slow = cut([series(T, np.sin(T), np.cos(T), 6.0, 6.2)])[0]
     quick = cut([series(T, np.sin(T), np.cos(T), 0.5, 6.2)])[0]
-    assert len(pieces(slow).windows) == len(slow.windows)
-    assert len(pieces(quick).windows) > 2 * len(quick.windows)
-    assert len(pieces(slow, 0.5).windows) > 10 * len(slow.windows)
+    assert len(segments(slow).windows) == len(slow.windows)
+    assert len(segments(quick).windows) > 2 * len(quick.windows)
+    assert len(segments(slow, 0.5).windows) > 10 * len(slow.windows)
 
 
 @pytest.mark.slow
-def test_a_search_without_time_answers_and_says_what_it_left_out(tmp_path):
+def test_a_search_without_work_answers_and_says_what_it_left_out(tmp_path, monkeypatch):
     u = command(4000)
     t, y, _, _ = simulate(u, {"coulomb_friction": {"level": LEVEL}})
     np.savetxt(
         tmp_path / "run.csv", np.c_[t, u, y], delimiter=",", header="t,u,y [rad]", comments="", fmt="%.9g"
     )
-    now = count(0.0, 100.0)
-    answer = diagnose([read(tmp_path / "run.csv")], clock=lambda: next(now))
-    assert any("processor time" in remark for remark in answer.remarks)
+    monkeypatch.setitem(EFFORTS, "quick", 1e-9)
+    answer = diagnose([read(tmp_path / "run.csv")], (), Options(effort="quick"))
+    assert any("--effort thorough" in remark for remark in answer.remarks)
     assert answer.extended.holdout_nrmse <= answer.baseline.holdout_nrmse

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
-from seod.diagnose.begin import baseline, scales
-from seod.diagnose.coordinates import Coordinate, Scales, group, searched_causes
-from seod.diagnose.fit import Search, fit, settle
-from seod.diagnose.intervals import base_sd, covariance, effect_parameters
-from seod.diagnose.model import baseline_model, grouped
-from seod.diagnose.score import held_out, nrmse, wholes
-from seod.diagnose.states import simulated_states
-from seod.diagnose.windows import cut, pieces, series
+from seod.diagnose.causes.record import Coordinate
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.causes.table import group, searched_causes
+from seod.diagnose.fitting.held_out import nrmse, simulate_held_out, wholes
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import LeastSquares, fit, settle
+from seod.diagnose.fitting.model import baseline_model, grouped
+from seod.diagnose.fitting.uncertainty import base_sd, covariance, effect_parameters
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, segments
+from seod.diagnose.starts.baseline import baseline
+from seod.diagnose.starts.sizes import scales
 from sim.effects import EFFECTS
 
 SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
@@ -22,7 +26,7 @@ TRUTH = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
 
 def windows(y, u, **more):
     fitted, held = cut([series(recording(u, y, **more))])
-    return pieces(fitted, 1.0), held
+    return segments(fitted, 1.0), held
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +62,7 @@ def test_the_same_of_a_speed_with_a_turned_sign():
 @pytest.mark.slow
 def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
     found, tried = baseline(clean[0], False, {}).best, []
-    monkeypatch.setattr(Search, "stepped", lambda *_: tried.append(1))
+    monkeypatch.setattr(LeastSquares, "stepped", lambda *_: tried.append(1))
     fit(found.model, clean[0], found.x, found.start, ended=lambda: bool(tried))
     assert len(tried) == 1
     tried.clear()
@@ -121,13 +125,13 @@ def test_initial_states_are_fitted_to_the_rows_given(clean):
 def test_held_out_windows_of_a_true_model_have_the_noise_alone(clean):
     model = baseline_model(SIZES, 1.0, False, {})
     x = model.searched(TRUTH)
-    true = held_out(model, x, clean[1])
+    true = simulate_held_out(model, x, clean[1])
     assert true.adequacy == pytest.approx(1.0, abs=0.08)
     assert true.nrmse == pytest.approx(true.floor, rel=0.05)
     _, whole, diverged = wholes(model, x, clean[1])
     assert whole == pytest.approx(0.01, rel=0.1)
     assert not diverged
-    wrong = held_out(model, model.searched(TRUTH | {"omega_n": 1.05 * OMEGA_N}), clean[1])
+    wrong = simulate_held_out(model, model.searched(TRUTH | {"omega_n": 1.05 * OMEGA_N}), clean[1])
     assert wrong.adequacy > 5.0
 
 
@@ -144,7 +148,7 @@ def test_nrmse_takes_the_mean_of_each_window_away():
 
 @pytest.mark.slow
 def test_sizes_are_those_of_the_movement(clean):
-    near, found, whole = baseline(clean[0], False, {})
+    near, found, whole, _ = baseline(clean[0], False, {})
     sizes = scales(near, clean[0])
     speed = linear(multisine(8000), speed=True)
     assert sizes.speed == pytest.approx(np.std(speed), rel=0.1)
@@ -153,7 +157,7 @@ def test_sizes_are_those_of_the_movement(clean):
         assert one.model.values(one.x)["omega_n"] == pytest.approx(OMEGA_N, rel=0.05)
 
 
-@pytest.mark.parametrize("name", searched_causes(replace(SIZES, warmer=True, pressed=True)))
+@pytest.mark.parametrize("name", searched_causes(replace(SIZES, warmer=True, pressed=True, force=1.0)))
 def test_every_start_is_a_plant_and_survives_the_way_there_and_back(name):
     searched = group(name, SIZES)
     model = baseline_model(SIZES, 1.0, False, {}).with_effect(name)
@@ -171,8 +175,8 @@ def test_every_start_is_a_plant_and_survives_the_way_there_and_back(name):
 
 def test_all_causes_that_act_on_the_plant_are_searched():
     told = {e.name for e in EFFECTS.values() if e.cause and e.enters != "record"}
-    every = replace(SIZES, warmer=True, pressed=True)
-    assert set(searched_causes(every)) == told - {"sensor_quantization"}
+    every = replace(SIZES, warmer=True, pressed=True, force=1.0)
+    assert set(searched_causes(every)) == told - {"sensor_quantization", "held_readings"}
     assert "pressure_dependent_stiffness" not in searched_causes(SIZES)
 
 

@@ -8,7 +8,7 @@ import math
 import pytest
 from mcap.writer import Writer
 
-from seod.diagnose.recorded import telling_part
+from seod.diagnose.record.daemon_part import telling_part
 from seod.record.layout import EVENTS, MODEL_ERRORS, PROFILE
 
 

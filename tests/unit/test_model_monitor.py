@@ -14,15 +14,15 @@ from linear_plant import LinearPlant
 from plant_truth import Plant
 from truth_runs import sampled_relay
 
-from seod import text
-from seod.beside.judge import IN_A_ROW, ModelError, Verdict, judge
-from seod.beside.kernel import KernelModel
-from seod.beside.linear import LinearModel
-from seod.beside.models import model_of, needs_kernel, plant_of
-from seod.beside.remote import RemoteModel
-from seod.beside.window import Stretch
-from seod.gateway.stretches import Stretches, stretch_of
-from seod.ring import FLAG_EXCITING, FLAG_FRESH
+from seod.model_monitor.judge import IN_A_ROW, ModelError, Verdict, judge
+from seod.model_monitor.kernel import KernelModel
+from seod.model_monitor.linear import LinearModel
+from seod.model_monitor.models import model_of, needs_kernel, plant_of
+from seod.model_monitor.remote import RemoteModel
+from seod.model_monitor.window import Segment
+from seod.observe.segments import Segments, segment_of
+from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH
+from seod.terminal import text
 
 RATE = 2000.0
 NONE = np.empty(0)
@@ -42,8 +42,8 @@ def relay_rows(plant_numbers, n, noise=1e-3, change=None, seed=1):
     return out
 
 
-def stretch(t, y, u, first=400, last=1400):
-    return Stretch(t[first:last], y[first:last], t[:last], u[:last], NONE)
+def segment(t, y, u, first=400, last=1400):
+    return Segment(t[first:last], y[first:last], t[:last], u[:last], NONE)
 
 
 # ---- the models
@@ -54,7 +54,7 @@ def test_a_rig_that_keeps_to_its_model_is_not_accused():
     t, y, u = relay_rows((17.0, 117.0, 0.21), 60_000)
     rows = [row(*each) for each in zip(t, y, u, strict=True)]
     at_once = [(*each[:4], each[0], *each[5:]) for each in rows]  # commands leave when they are computed
-    made = list(Stretches(117.0, None).add(at_once))[2:]
+    made = list(Segments(117.0, None).add(at_once))[2:]
     model, verdict = LinearModel(17.0, 117.0, 0.21), Verdict()
     errors = [judge(each, model.residual(each), 0.0, "linear") for each in made]
     statistic = np.array([each.statistic for each in errors])
@@ -65,7 +65,7 @@ def test_a_rig_that_keeps_to_its_model_is_not_accused():
 
 
 def test_the_right_linear_model_leaves_noise():
-    s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
+    s = segment(*relay_rows((17.0, 117.0, 0.21), 1500))
     error = judge(s, LinearModel(17.0, 117.0, 0.21).residual(s), 0.0, "linear")
     assert error.rms == pytest.approx(1e-3, rel=0.1)
     assert abs(error.statistic) < 4.0
@@ -74,7 +74,7 @@ def test_the_right_linear_model_leaves_noise():
 
 @pytest.mark.parametrize("wrong", [(17.0, 117.0, 0.4), (17.0, 100.0, 0.21), (14.0, 117.0, 0.21)])
 def test_a_wrong_one_is_seen(wrong):
-    s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
+    s = segment(*relay_rows((17.0, 117.0, 0.21), 1500))
     error = judge(s, LinearModel(*wrong).residual(s), 0.0, "linear")
     assert error.statistic > 50.0
     assert error.nrmse > 0.05
@@ -83,14 +83,14 @@ def test_a_wrong_one_is_seen(wrong):
 
 def test_a_delay_belongs_to_the_model():
     t, y, u = relay_rows((17.0, 117.0, 0.21), 1500)
-    late = Stretch(t[400:1400] + 2e-3, y[400:1400], t[:1400], u[:1400], NONE)
+    late = Segment(t[400:1400] + 2e-3, y[400:1400], t[:1400], u[:1400], NONE)
     assert judge(late, LinearModel(17.0, 117.0, 0.21, delay=2e-3).residual(late), 0.0, "x").statistic < 4.0
     assert judge(late, LinearModel(17.0, 117.0, 0.21).residual(late), 0.0, "x").beyond
 
 
 def test_a_speed_needs_no_position():
     t, y, u = relay_rows((17.0, 60.0, 0.4), 1500, noise=0.0)
-    s = Stretch(t[400:1400], np.gradient(y, t)[400:1400], t[:1400], u[:1400], NONE)
+    s = Segment(t[400:1400], np.gradient(y, t)[400:1400], t[:1400], u[:1400], NONE)
     left = LinearModel(17.0, 60.0, 0.4, speed=True).residual(s)
     assert np.std(left) < 0.01 * np.std(s.y)
 
@@ -104,7 +104,7 @@ def test_friction_needs_the_kernel():
     t = np.arange(1400) / RATE
     y, u = sampled_relay(Plant(17.0, 117.0, 0.21, effects), 0.5, t, hysteresis=0.004)
     y = y + np.random.default_rng(1).normal(0.0, 3e-4, len(y))
-    s = stretch(t, y, u, 400, 1400)
+    s = segment(t, y, u, 400, 1400)
     assert needs_kernel(plant)
     assert judge(s, LinearModel(17.0, 117.0, 0.21).residual(s), 0.0, "linear").beyond
     error = judge(s, KernelModel(plant).residual(s), 0.0, "kernel")
@@ -122,7 +122,7 @@ def test_the_kernel_answers_from_a_process_of_its_own():
     simulation = simulation.model_copy(update={"plants": {"motor": plant}})
     model = model_of(config.model_copy(update={"simulation": simulation}), "motor")
     assert (type(model), model.name) == (RemoteModel, "kernel")
-    s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
+    s = segment(*relay_rows((17.0, 117.0, 0.21), 1500))
     try:
         for _ in range(2):
             np.testing.assert_allclose(model.residual(s), KernelModel(plant).residual(s), atol=1e-9)
@@ -138,7 +138,7 @@ def test_the_kernel_answers_from_a_process_of_its_own():
 
 def test_the_kernel_and_the_closed_form_agree_on_a_linear_plant():
     config = rig_config()
-    s = stretch(*relay_rows((17.0, 117.0, 0.21), 1500))
+    s = segment(*relay_rows((17.0, 117.0, 0.21), 1500))
     kernel = KernelModel(config.simulation.plants["motor"]).residual(s)
     closed = LinearModel(17.0, 117.0, 0.21).residual(s)
     assert np.std(kernel - closed) < 0.1 * np.std(closed)  # the closed form has an offset and a ramp more
@@ -157,7 +157,7 @@ def error(beyond):
     return ModelError(0.0, 1.0, 1.0, 1.0, 1.0, beyond, "linear")
 
 
-def test_one_bad_stretch_is_no_news_several_are_and_so_is_the_way_back():
+def test_one_bad_segment_is_no_news_several_are_and_so_is_the_way_back():
     verdict = Verdict()
     course = [True, False] + [True] * IN_A_ROW + [True, False, True] + [False] * IN_A_ROW
     news = [k for k, beyond in enumerate(course) if verdict.add(error(beyond))]
@@ -167,7 +167,7 @@ def test_one_bad_stretch_is_no_news_several_are_and_so_is_the_way_back():
 
 def test_what_does_not_move_tells_nothing():
     t = np.arange(500) / RATE
-    still = Stretch(t, np.random.default_rng(1).normal(0, 1e-3, 500), t, np.zeros(500), NONE)
+    still = Segment(t, np.random.default_rng(1).normal(0, 1e-3, 500), t, np.zeros(500), NONE)
     assert judge(still, still.y, 0.0, "linear") is None
 
 
@@ -183,17 +183,17 @@ def test_stale_and_repeated_samples_are_left_out_but_their_commands_count():
     rows[500] = row(500 / RATE, 0.0, 501.0, FLAG_EXCITING)
     rows[501] = row(rows[502][0], 9.9, 502.0)
     rows[502] = row(rows[502][0], 9.9, 503.0)
-    made = stretch_of(rows, None)
+    made = segment_of(rows, None)
     assert len(made.t) == 800 - 300 - 2
     assert len(made.u) == 800
     assert np.all(np.diff(made.t) > 0.0)
     assert len(made.supply) == 0
-    assert stretch_of(rows[:310], None) is None
+    assert segment_of(rows[:310], None) is None
 
 
-def test_stretches_follow_each_other_and_begin_anew_after_a_stop():
+def test_segments_follow_each_other_and_begin_anew_after_a_stop():
     """Six periods of 117 rad/s each, 0.15 s of commands before it; none across rows without excitation."""
-    cut, rows = Stretches(117.0, None), [row(k / RATE, math.sin(k / 20), 1.0) for k in range(3000)]
+    cut, rows = Segments(117.0, None), [row(k / RATE, math.sin(k / 20), 1.0) for k in range(3000)]
     made = list(cut.add(rows))
     assert [round(each.t[-1] - each.t[0], 2) for each in made] == [0.32] * 4
     for one, following in pairwise(made):
@@ -205,7 +205,7 @@ def test_stretches_follow_each_other_and_begin_anew_after_a_stop():
 
 def test_the_supply_is_that_of_the_rows():
     rows = [row(k / RATE, math.sin(k / 20), 1.0, ps=6e6) for k in range(800)]
-    assert set(stretch_of(rows, 8e6).supply.tolist()) == {0.75}
+    assert set(segment_of(rows, 8e6).supply.tolist()) == {0.75}
 
 
 async def play(run, t, y, u):
@@ -220,7 +220,7 @@ async def play(run, t, y, u):
         words[0] += 1
         if k % 500 == 499:
             await eventually(lambda: words[3] >= words[0] - 10)
-            await asyncio.sleep(0.02)  # stretches that come while one is computed are left out
+            await asyncio.sleep(0.02)  # segments that come while one is computed are left out
 
 
 @pytest.mark.slow

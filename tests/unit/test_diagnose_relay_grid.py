@@ -1,10 +1,11 @@
-"""The grid of plants that a relay's recording may come from, and the steps from its cells."""
+"""The grid of plants that a relay's recording may come from, and the steps from its points."""
 
 from __future__ import annotations
 
 import math
 import time
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -20,17 +21,16 @@ from relay_records import (
     searched,
 )
 
-from seod.diagnose.budget import Budget
-from seod.diagnose.cell import Cell
-from seod.diagnose.cells import cells
-from seod.diagnose.command_period import relay_period_s
-from seod.diagnose.fit import fit
-from seod.diagnose.screen import screen
-from seod.diagnose.states import (
-    simulated_states,
-)
-from seod.diagnose.stretch import Stretch
-from seod.diagnose.windows import Cut, cut, pieces, sparse
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.record.command_period import relay_period_s
+from seod.diagnose.record.windows import Cut, cut, segments, sparse
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.search.race import extended
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.relay.compare import Segment
+from seod.diagnose.starts.relay.grid import grid_plants
+from seod.diagnose.starts.relay.plant import GridPlant
 from sim.parameters import parameters
 
 pytestmark = pytest.mark.slow
@@ -48,9 +48,9 @@ pytestmark = pytest.mark.slow
 )
 def test_the_grid_leads_to_the_cause(kind, causes):
     one, _ = recorded(kind)
-    few = sparse(pieces(cut([one])[0])).only((0, 1))
+    few = sparse(segments(cut([one])[0])).only((0, 1))
     model = model_of(one, *causes)
-    begun = [model.searched(each.values()) for each in cells(few) if each.begins(causes)]
+    begun = [model.searched(each.values()) for each in grid_plants(few) if each.begins(causes)]
     assert 2 <= len(begun) <= 14
     found = (fit(model, few, x, simulated_states(model, x, few), most=25) for x in begun)
     assert any(each.excess < 1.1 for each in found)
@@ -75,7 +75,7 @@ def test_a_play_that_takes_most_of_the_swing_is_met_between_the_cells():
 
 def test_how_the_limit_cycle_grew_tells_the_plants_of_a_valley_apart():
     one = recorded("lost")[0]
-    found = cells(Cut((one,), ((0, 1200, 4000), (0, 4000, 6000))))
+    found = grid_plants(Cut((one,), ((0, 1200, 4000), (0, 4000, 6000))))
     both = [each for each in found if each.causes == LOST.keys() and each.cost < noise_of("lost") + 0.05]
     wide = [each.sizes["backlash.gap"] for each in both]
     assert max(wide) > 1.3 * LOST["backlash"]["gap"]
@@ -101,17 +101,17 @@ def test_the_speed_at_which_friction_has_fallen_settles():
 def test_a_command_may_be_measured_in_counts():
     one = recorded("stalls")[0]
     counts = replace(one, u=1e5 * one.u)
-    few = sparse(pieces(cut([counts])[0]))
+    few = sparse(segments(cut([counts])[0]))
     volts = gridded("stalls")
-    for each, same in zip(cells(few), volts, strict=True):
+    for each, same in zip(grid_plants(few), volts, strict=True):
         ratio = each.K_L / same.K_L
         assert ratio == pytest.approx(1e-5, rel=0.02)
         assert each.cost == pytest.approx(same.cost, abs=0.02)
 
 
 def test_a_plant_that_cannot_be_simulated_ends_no_search(monkeypatch):
-    """Of the grid, of the steps from its cells, or of both."""
-    few = sparse(pieces(cut([recorded("stalls")[0]])[0]))
+    """Of the grid, of the steps from its points, or of both."""
+    few = sparse(segments(cut([recorded("stalls")[0]])[0]))
     asked = []
 
     def refused(*given, **named):
@@ -120,32 +120,34 @@ def test_a_plant_that_cannot_be_simulated_ends_no_search(monkeypatch):
             raise ValueError("coulomb_friction.level must be within [0, 1e+06]")
         return parameters(*given, **named)
 
-    monkeypatch.setattr("seod.diagnose.stretch.parameters", refused)
-    monkeypatch.setattr("seod.diagnose.cells._shaken", lambda _: [])
-    assert len(cells(few)) > 20
+    monkeypatch.setattr("seod.diagnose.starts.relay.compare.parameters", refused)
+    monkeypatch.setattr("seod.diagnose.starts.relay.grid._disturbed", lambda _: [])
+    assert len(grid_plants(few)) > 20
     assert len(asked) > 3800
 
 
 def test_a_disturbance_is_tried_by_one_that_a_plant_may_have(monkeypatch):
-    stretch = Stretch(sparse(pieces(cut([recorded("locks")[0]])[0])), 88.0)
-    (cell, *_) = stretch.cells(150.0, 4.0, {})
-    assert cell.omega_n * stretch.omega > 1e6
-    found = stretch.shaken(cell).sizes
-    monkeypatch.setattr("seod.diagnose.stretch.STRONG", 3e4)
-    assert stretch.shaken(cell).sizes == pytest.approx(found, rel=1e-3)
+    segment = Segment(sparse(segments(cut([recorded("locks")[0]])[0])), 88.0)
+    (cell, *_) = segment.plants(150.0, 4.0, {})
+    assert cell.omega_n * segment.omega > 1e6
+    found = segment.shaken(cell).sizes
+    monkeypatch.setattr("seod.diagnose.starts.relay.compare.STRONGEST_DISTURBANCE", 3e4)
+    assert segment.shaken(cell).sizes == pytest.approx(found, rel=1e-3)
 
 
 def test_where_samples_are_missing_there_is_no_plant():
-    few = sparse(pieces(cut([recorded("locks")[0]])[0]))
+    few = sparse(segments(cut([recorded("locks")[0]])[0]))
     (one,) = few.series
     none = replace(one, good=np.zeros_like(one.good))
-    assert cells(Cut((none,), few.windows)) == ()
+    assert grid_plants(Cut((none,), few.windows)) == ()
 
 
 def test_a_delay_moves_the_answer_of_the_grid():
     one, _ = recorded("stalls")
     later = replace(one, y=np.roll(one.y, 8))
-    found = [each for each in cells(sparse(pieces(cut([later])[0]))) if each.causes == {"coulomb_friction"}]
+    found = [
+        each for each in grid_plants(sparse(segments(cut([later])[0]))) if each.causes == {"coulomb_friction"}
+    ]
     late = min((each for each in found if each.delay > 0.0), key=lambda each: each.cost)
     prompt = min((each for each in found if each.delay == 0.0), key=lambda each: each.cost)
     assert late.cost < prompt.cost - 0.3
@@ -153,7 +155,7 @@ def test_a_delay_moves_the_answer_of_the_grid():
 
 
 def test_a_cell_is_a_start_of_the_sets_that_it_knows():
-    prompt = Cell(0.0, 2.0, 30.0, 0.3, 0.0, 0.5, {"coulomb_friction.level": 5.0}, {})
+    prompt = GridPlant(0.0, 2.0, 30.0, 0.3, 0.0, 0.5, {"coulomb_friction.level": 5.0}, {})
     late = prompt._replace(delay=0.01)
     assert prompt.begins({"coulomb_friction", "load_bias"})
     assert not prompt.begins({"coulomb_friction", "sensor_lag"})
@@ -182,29 +184,30 @@ def test_a_cell_is_a_start_of_the_sets_that_it_knows():
 
 def test_bristles_are_tried_from_the_cells_of_plain_friction():
     one, _ = recorded("stalls")
-    tried = []
+    tried, rounds = [], count()
 
     def each(act, some):
         some = list(some)
-        from_cells = [one.name for one in some if "*K_L" not in one.start and "K_L" in one.start]
-        tried.extend(from_cells)
-        return [] if from_cells else [0.0 for _ in some]
+        if next(rounds) == 0:  # what each start promises
+            return [0.0 for _ in some]
+        tried.extend(one.name for one in some if "*K_L" not in one.start and "K_L" in one.start)
+        return []
 
-    screened = screen(pieces(cut([one])[0]), each, Budget(time.process_time, 1e6))
+    screened = screen(segments(cut([one])[0]), each, Budget(time.process_time, 1e6))
     model = model_of(one, "coulomb_friction")
     x, few = searched(model, STALLS), screened.cut
     parent = fit(model, few, x, simulated_states(model, x, few), free=np.zeros(len(x), np.bool_))
-    assert screened.extended([parent]) == []
-    begun = [cell for cell in screened.cells if cell.begins(["coulomb_friction", "lugre_friction"])]
+    assert extended(screened, [parent]) == []
+    begun = [cell for cell in screened.grid_plants if cell.begins(["coulomb_friction", "lugre_friction"])]
     assert tried.count("lugre_friction") == len(begun) > 0
-    assert "periodic_disturbance" not in tried  # none of these cells knows its size
+    assert "periodic_disturbance" not in tried  # none of these points knows its size
 
 
 def test_only_a_relay_has_cells():
     one, _ = recorded("stalls")
     budget = Budget(time.process_time, 1e6)
-    assert screen(cut([one])[0], map, budget).cells
-    assert not screen(cut([replace(one, u=np.sin(7.0 * T))])[0], map, budget).cells
+    assert screen(cut([one])[0], map, budget).grid_plants
+    assert not screen(cut([replace(one, u=np.sin(7.0 * T), levels=len(T))])[0], map, budget).grid_plants
 
 
 def test_the_grid_takes_no_time_from_the_search(monkeypatch):
@@ -215,8 +218,8 @@ def test_the_grid_takes_no_time_from_the_search(monkeypatch):
         now[0] += 9.0
         return ()
 
-    monkeypatch.setattr("seod.diagnose.screen.cells", slow)
-    screen(pieces(cut([recorded("stalls")[0]])[0]), map, budget)
+    monkeypatch.setattr("seod.diagnose.search.screen.grid_plants", slow)
+    screen(segments(cut([recorded("stalls")[0]])[0]), map, budget)
     now[0] += 9.0
     assert not budget.spent
     now[0] += 2.0

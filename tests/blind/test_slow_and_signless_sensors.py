@@ -1,0 +1,72 @@
+"""Sensors that show no sign, or repeat their readings: found in records of the actuator in physical units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_drives import make_drive
+from hidden_rig import Rig, simulate
+
+from seod.data import Recording
+from seod.diagnose.pipeline import Options, diagnose
+
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]
+
+PLANT, T = (12.0, 60.0, 0.4), np.arange(0.0, 12.0, 1e-3)
+NOISE = 0.01
+
+
+def told_of(effects, excitation, *, sees_speed):
+    rig, random = Rig(*PLANT, effects, sees_speed), np.random.default_rng(1)
+    drive = make_drive(excitation, rig, T, 2.0, random, 0.0)
+    size = NOISE * np.std(simulate(rig, T, drive)[0])
+    y, u = simulate(rig, T, drive, random.normal(0.0, size, len(T)))
+    rows = np.arange(len(T))
+    recording = Recording((Path("run.csv"),), T, u, y, None, None, None, rows, {}, {}, ())
+    return diagnose([recording], (), Options("velocity" if sees_speed else "position")).as_json()
+
+
+def check(told, *names):
+    assert (told["verdict"], {each["name"] for each in told["effects"]}) == ("effects", {*names}), told
+    extended = told["extended"]
+    # from rest a plant that is turned round reads alike behind a sensor without sign
+    assert (abs(extended["K_L"]), extended["omega_n"], extended["zeta"]) == pytest.approx(PLANT, rel=0.02)
+    assert extended["holdout_nrmse"] < 1.1 * told["noise_floor_nrmse"]
+
+
+@pytest.mark.parametrize(("excitation", "sees_speed"), [("multisine", True), ("steps", False)])
+def test_a_sensor_without_sign_is_named(excitation, sees_speed):
+    told = told_of({"rectified_sensor": {"part": 1.0}}, excitation, sees_speed=sees_speed)
+    check(told, "rectified_sensor")
+    assert told["baseline"]["holdout_nrmse"] > 0.9
+    part = told["effects"][0]["parameters"]["part"]
+    assert part["value"] == pytest.approx(1.0, abs=2e-3)
+    assert part["ci95"][0] < 1.0 < part["ci95"][1]
+
+
+@pytest.mark.parametrize(
+    ("hold", "excitation", "sees_speed"),
+    [
+        (5e-3, "multisine", False),
+        (3.7e-3, "multisine", True),
+        (8.3e-3, "steps", False),
+        (4e-3, "relay", False),
+    ],
+)
+def test_readings_that_repeat_are_named_with_their_clock(hold, excitation, sees_speed):
+    told = told_of({"held_readings": {"time": hold}}, excitation, sees_speed=sees_speed)
+    check(told, "held_readings")
+    assert told["effects"][0]["parameters"]["time"]["value"] == pytest.approx(hold, rel=1e-4)
+
+
+def test_beside_them_friction_is_found_as_ever():
+    effects = {"held_readings": {"time": 5e-3}, "coulomb_friction": {"level": 200.0}}
+    told = told_of(effects, "multisine", sees_speed=False)
+    check(told, "held_readings", "coulomb_friction")
+
+
+def test_a_coarse_sensor_that_repeats_its_readings_has_both():
+    effects = {"held_readings": {"time": 5e-3}, "sensor_quantization": {"step": 2e-3}}
+    check(told_of(effects, "multisine", sees_speed=False), "held_readings", "sensor_quantization")

@@ -1,0 +1,273 @@
+"""What is left of a movement: systematic, or noise of whatever colour. The truth is integrated here."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnose_truth import RATE, linear, recording
+from scipy.signal import lfilter
+
+from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.grade import graded
+from seod.diagnose.account.left import Left, Plant, mean_square
+from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.repeats import not_repeated, repeats
+from seod.diagnose.account.yardstick import yardstick
+from seod.diagnose.fitting.held_out import simulate_held_out
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.uncertainty import at_limits, covariance, p_value, reaches_null
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.record.command_period import finer_period_s
+from seod.diagnose.record.series import series
+from seod.diagnose.record.sweep import sweeps
+from seod.diagnose.record.windows import cut
+from seod.diagnose.result import Account, Unexplained, Yardstick
+from seod.diagnose.starts.baseline import _rough
+from seod.diagnose.verdict.unexplained import systematic_part
+
+K_L, OMEGA_N, ZETA = 17.0, 60.0, 0.4
+PERIOD = 1000
+"""Of the multisine [samples]."""
+N = 8 * PERIOD
+
+
+def multisine(seed=1):
+    t, random = np.arange(N) / RATE, np.random.default_rng(seed)
+    lines = np.arange(1, 40) * RATE / PERIOD
+    u = np.cos(2.0 * np.pi * np.outer(t, lines) + random.uniform(0.0, 6.3, len(lines))).sum(axis=1)
+    return u / np.max(np.abs(u))
+
+
+def noise_command(seed=2):
+    u = lfilter([1.0], [1.0, -0.97], np.random.default_rng(seed).normal(size=N))
+    return u / np.max(np.abs(u))
+
+
+def coloured(memory, sd, seed=3):
+    white = np.random.default_rng(seed).normal(size=N + 3000)
+    return sd * np.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], white)[3000:]
+
+
+def moved(u, drag=0.0):
+    """Pressure, velocity and position of Eq. 1 with a force against the square of speed, by Heun's method."""
+    h, w = 1.0 / RATE / 4.0, np.zeros(3)
+    out = np.empty((len(u), 3))
+
+    def slope(w, volts):
+        p, v, _ = w
+        brakes = drag * v * abs(v)
+        return np.array([OMEGA_N**2 * (K_L * volts - v) - 2.0 * ZETA * OMEGA_N * p, p - brakes, v])
+
+    for k, volts in enumerate(u):
+        out[k] = w
+        for _ in range(4):
+            first = slope(w, volts)
+            w = w + 0.5 * h * (first + slope(w + h * first, volts))
+    return out.T
+
+
+def parts_of(u, error, states, count=8):
+    """Windows of what is left; every other one is held out, the first fifth is not scored."""
+    t, n = np.arange(N) / RATE, N // count
+    scored = np.arange(n) >= n // 5
+    return [
+        Left(0, t[a : a + n], u[a : a + n], error[a : a + n], scored, *states[:, a : a + n], bool(k % 2))
+        for k, a in enumerate(range(0, N, n))
+    ]
+
+
+PLANT = Plant(OMEGA_N, ZETA, sees_speed=False)
+
+
+@pytest.fixture(scope="module", params=["multisine", "noise"])
+def driven(request):
+    """A command, what Eq. 1 makes of it, and what a drag changes."""
+    u = multisine() if request.param == "multisine" else noise_command()
+    plain, dragged = moved(u), moved(u, drag=0.2)
+    return u, plain, dragged[2] - plain[2]
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
+def test_noise_of_any_colour_is_not_systematic(driven, memory):
+    u, states, effect = driven
+    noise = coloured(memory, float(np.std(effect)))
+    parts = parts_of(u, noise, states)
+    assert not foretold(parts, PLANT).share.significant
+    again = repeats([series(recording(u, states[2] + noise))], parts)
+    assert again is None or not again.significant
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.95])
+def test_what_is_missing_is_systematic(driven, memory):
+    u, states, effect = driven
+    error = np.concatenate([each - each.mean() for each in np.split(effect, 8)])
+    parts = parts_of(u, error + coloured(memory, 0.1 * float(np.std(error))), states)
+    box = foretold(parts, PLANT)
+    rest = mean_square([one for one in box.rest if one.held_out])
+    assert box.share.significant
+    assert rest < 0.25 * box.share.square
+
+
+def test_two_windows_held_out_are_enough(driven):
+    u, states, effect = driven
+    error = np.concatenate([each - each.mean() for each in np.split(effect, 4)])
+    parts = parts_of(u, error + coloured(0.98, 0.6 * float(np.std(error))), states, 4)
+    share = foretold(parts, PLANT).share
+    assert share.significant
+    assert share.square < mean_square([one for one in parts if one.held_out])
+
+
+def test_what_repeats_with_the_command_is_told_by_its_size():
+    u = multisine()
+    states, wave = moved(u), 0.3 * np.sin(2.0 * np.pi * 7.0 * np.arange(N) / PERIOD)
+    parts = parts_of(u, wave + coloured(0.95, 0.1), states)
+    every = [series(recording(u, states[2]))]
+    again = repeats(every, parts)
+    assert again.significant
+    assert again.square == pytest.approx(0.3**2 / 2.0, rel=0.2)
+    assert mean_square(not_repeated(every, parts)) < 0.4 * mean_square(parts)
+    slower = 0.3 * np.sin(2.0 * np.pi * 7.37 * np.arange(N) / PERIOD)
+    assert not repeats(every, parts_of(u, slower, states)).significant
+
+
+def test_a_command_that_does_not_repeat_has_nothing_to_compare():
+    u = noise_command()
+    states = moved(u)
+    assert repeats([series(recording(u, states[2]))], parts_of(u, states[2], states)) is None
+
+
+def test_a_period_is_told_to_a_part_of_a_sample():
+    t = np.arange(20000) / RATE
+    u = np.sign(np.sin(2.0 * np.pi * t / 1.2343)) + 0.3 * np.sin(6.0 * np.pi * t / 1.2343)
+    assert finer_period_s(t, u, 1.2343 * 1.0005) == pytest.approx(1.2343, abs=0.1 / RATE)
+
+
+@pytest.mark.parametrize(("memory", "order"), [(0.0, 0), (0.95, 1), (0.99, 1)])
+def test_the_colour_of_noise_is_found(memory, order):
+    noise = coloured(memory, 0.2)
+    found = colour(parts_of(noise, noise, np.zeros((3, N))))
+    assert found.order == order
+    assert found.sd == pytest.approx(0.2, rel=0.25)
+    assert found.correlation == pytest.approx((1.0 + memory) / (1.0 - memory), rel=0.3)
+
+
+def test_models_without_physics_come_near_a_linear_plant():
+    u = noise_command()
+    halves = cut([series(recording(u, moved(u)[2]))])
+    reached = yardstick(*halves)
+    assert min(reached.arx, reached.narx) < 0.1
+    assert len(reached.simulated) == len(halves[1].gathered("y"))
+    assert yardstick(*(part.only([0]) for part in halves)) is not None
+
+
+def account(systematic, remains=0.2, nrmse=0.1):
+    return Account(1.0 - remains, systematic, remains - systematic, nrmse)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "adequacy", "parts", "best", "grade"),
+    [
+        (1.6, 1.2, 9.0, account(0.1), 0.2, "useless"),
+        (0.4, 0.4, 9.0, account(0.1), 0.2, "useless"),
+        (0.4, 0.2, 9.0, account(0.1), 0.3, "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.1, "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.3, "down_to_noise"),
+        (0.4, 0.2, 9.0, replace(account(0.0, nrmse=0.0), asked=False), 0.3, "partly"),
+        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0), 0.1, "down_to_noise"),
+        (0.4, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),
+        (0.4, 0.04, 9.0, account(0.01, nrmse=0.025), 0.1, "partly"),
+        (0.04, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),
+        (0.4, 0.04, 9.0, None, None, "good_for_design"),
+        (float("nan"), float("inf"), 9.0, None, None, "useless"),
+    ],
+)
+def test_a_model_is_graded(before, after, adequacy, parts, best, grade):
+    reached = None if best is None else Yardstick(best, 2.0 * best)
+    nothing = after <= 0.04 and parts is None
+    parts = account(0.0, nrmse=0.01) if nothing else parts
+    assert graded(before, after, adequacy, parts, reached) == grade
+
+
+@pytest.mark.parametrize(("relevance", "fraction"), [(0.05, 0.0), (0.02, 0.03 / 0.9), (0.0, 0.03 / 0.9)])
+def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
+    left = Unexplained(0.8, ("velocity",), {"velocity": 0.4})
+    told = Account(0.87, 0.03, 0.1, 0.03)
+    found = systematic_part(left, told, 0.1, relevance)
+    assert found.fraction == pytest.approx(fraction)
+    assert bool(found.correlates_with) == (fraction > 0.0)
+    for unasked in (None, replace(told, asked=False)):
+        assert systematic_part(left, unasked, 0.1, relevance) == left
+        assert systematic_part(left, unasked, 0.01, 0.02).fraction == 0.0
+    assert systematic_part(Unexplained(0.0), told, 0.1, 0.0).fraction == 0.0
+
+
+@pytest.mark.slow
+def test_coloured_noise_is_no_cause():
+    u = multisine()
+    y = linear(u)
+    record = replace(recording(u, y), y=y + coloured(0.95, 0.02 * float(np.std(y))))
+    told = diagnose([record], (), Options(effort="quick"))
+    assert (told.verdict, told.effects, told.grade) == ("clean", (), "down_to_noise")
+    answer = json.loads(json.dumps(told.as_json()))
+    parts = answer["account"]
+    assert parts["explained"] + parts["systematic"] + parts["not_repeatable"] == pytest.approx(1.0)
+    assert parts["systematic"] == 0.0
+    assert parts["noise"]["order"] >= 1
+    assert answer["noise_floor_nrmse"] == pytest.approx(answer["extended"]["holdout_nrmse"], rel=0.02)
+    assert answer["yardstick"]["arx"] < 0.2
+
+
+def test_a_sweep_is_told_from_what_goes_on_alike():
+    t = np.arange(N) / RATE
+    faster = np.sin(2.0 * np.pi * (0.5 + 0.4 * t) * t)
+    assert sweeps(t, faster)
+    assert sweeps(t, (0.2 + t) * np.sin(2.0 * np.pi * 3.0 * t))
+    assert not sweeps(t, np.sin(2.0 * np.pi * 3.0 * t))
+    assert not sweeps(t, multisine())
+    assert not sweeps(t, noise_command())
+    assert not sweeps(t, np.zeros(N))
+
+
+@pytest.fixture(scope="module")
+def lagging():
+    """A fit of a plant whose valve lags, by its true numbers; the lag's standard deviation is [s]."""
+    u = multisine()
+    to_fit, _ = cut([series(recording(u, linear(u, lag=0.004), noise=0.001))])
+    model = baseline_model(_rough(to_fit, 117.0), 1.0, False, {}).with_effect("valve_lag")
+    x = model.searched({"K_L": 17.0, "omega_n": 117.0, "zeta": 0.3, "valve_lag.time": 0.004})
+    return fit(model, to_fit, x, simulated_states(model, x, to_fit))
+
+
+def test_a_size_that_may_be_none_is_no_cause(lagging):
+    spread = covariance(lagging)
+    assert not reaches_null(lagging, "valve_lag", spread)
+    k = [c.place for c in lagging.model.coordinates].index("valve_lag.time")
+    sure = spread[k, k]
+    vague = spread.copy()
+    vague[k, k] = sure * (0.7 * lagging.x[k] / np.sqrt(sure)) ** 2
+    assert reaches_null(lagging, "valve_lag", vague)
+    at_none = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[0], lagging.x))
+    assert reaches_null(at_none, "valve_lag", spread)
+    assert at_limits(at_none) == []
+    far = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[1], lagging.x))
+    assert not reaches_null(far, "valve_lag", spread)
+    assert at_limits(far) == ["valve_lag.time"]
+
+
+def test_an_interval_is_never_of_no_width(lagging):
+    """A fit that ended before its first step has no curvature."""
+    ended = replace(lagging, curvature=np.zeros_like(lagging.curvature))
+    np.testing.assert_allclose(
+        np.sqrt(covariance(ended).diagonal()), np.sqrt(covariance(lagging).diagonal()), rtol=0.05
+    )
+
+
+def test_chance_counts_as_often_as_causes_were_tried(lagging):
+    held = simulate_held_out(lagging.model, lagging.x, lagging.cut)
+    worse = replace(held, simulated=held.simulated + 1e-4 * np.sin(np.arange(len(held.simulated)) / 50.0))
+    once = p_value(worse, held)
+    assert 0.0 < once < 0.9
+    assert p_value(worse, held, 7) == pytest.approx(min(1.0, 7.0 * once))

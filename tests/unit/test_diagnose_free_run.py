@@ -1,0 +1,66 @@
+"""Whole recordings in one simulation: numbers fitted to them, and how far off they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
+
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.fitting.free_run import fitted_in_one_run, free_runs
+from seod.diagnose.fitting.initial_states import begun_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut
+
+SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
+TRUTH = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """Recording of 20 s whose command has a mean, model, its numbers, and windows to fit and held out."""
+    u = multisine(20_000) + 0.2
+    one = series(recording(u, linear(u)), np.zeros(len(u), np.bool_), sees_speed=False)
+    model = baseline_model(SIZES, 1.0, False, {})
+    x = model.searched(TRUTH)
+    return one, model, x, *cut([one])
+
+
+def found(model, x, windows):
+    """A fit to windows that has not taken a step."""
+    return fit(model, windows, x, begun_states(model, x, windows), most=0)
+
+
+def test_a_gain_that_windows_left_wrong_by_three_hundredths_is_put_right_by_the_whole_run(rig):
+    one, model, x, to_fit, held_out = rig
+    begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
+    better = fitted_in_one_run(begun, held_out, map, lambda: False)
+    assert model.values(better.x)["K_L"] == pytest.approx(K_L, rel=5e-4)
+    before, after = (free_runs(model, each.x, [one], 1)[0] for each in (begun, better))
+    assert after.from_fitted < 1.1 * one.noise < 3.0 * one.noise < before.from_fitted
+    assert after.from_measured < 2.0 * one.noise, "the first sample has noise, too"
+
+
+def test_numbers_that_are_right_stay_those_of_the_windows(rig):
+    _, model, x, to_fit, held_out = rig
+    begun = found(model, x, to_fit)
+    assert fitted_in_one_run(begun, held_out, map, lambda: False) is begun
+    assert fitted_in_one_run(begun, held_out, map, lambda: True) is begun
+
+
+def test_errors_of_whole_runs_are_in_the_unit_of_y_and_tell_which_start(rig):
+    """A start 1 unit from the measured one is made up for by a fitted state, and not by a measured one."""
+    one, model, x, *_ = rig
+    moved = replace(one, y=one.y + 5.0 * one.noise * (np.arange(len(one.y)) == 0))
+    near, far = free_runs(model, x, [one, moved], 1)
+    assert (near.unseen, far.unseen) == (False, True)
+    assert near.from_fitted == pytest.approx(one.noise, rel=0.05)
+    assert far.from_measured == pytest.approx(np.hypot(5.0, 1.0) * one.noise, rel=0.3)
+    assert far.from_fitted < 0.5 * far.from_measured
+    assert far.as_json() == {
+        "rms_from_measured": far.from_measured,
+        "rms_from_fitted": far.from_fitted,
+        "holdout": True,
+    }

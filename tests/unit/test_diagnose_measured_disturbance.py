@@ -1,0 +1,97 @@
+"""A load that a further channel shows. The truth is integrated here."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from diagnose_truth import multisine, recording
+from scipy.signal import lfilter
+
+from seod.data import read
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.record.series import series
+
+RATE, N = 1000.0, 12000
+K_L, OMEGA_N, ZETA = 17.0, 60.0, 0.35
+GAIN = 3.0
+"""Acceleration for each unit of the channel [unit/s^2]."""
+
+
+def channel(seed, mean=40.0):
+    """A force that wanders, in hundreds."""
+    return mean + 25.0 * lfilter([1.0], [1.0, -0.99], np.random.default_rng(seed).normal(size=N))
+
+
+def moved(u, force, gain=GAIN):
+    """Position of Eq. 1 with a force that runs straight on between samples, by Heun's method."""
+    parts = 4
+    h = 1.0 / RATE / parts
+    w, out = np.zeros(3), np.empty(N)
+    ends = np.r_[force[1:], force[-1]]
+
+    def slope(w, volts, push):
+        p, v, _ = w
+        return np.array([OMEGA_N**2 * (K_L * volts - v) - 2.0 * ZETA * OMEGA_N * p, p + gain * push, v])
+
+    for k in range(N):
+        out[k] = w[2]
+        for i in range(parts):
+            push = force[k] + (ends[k] - force[k]) * np.array([i, i + 1]) / parts
+            first = slope(w, u[k], push[0])
+            w = w + 0.5 * h * (first + slope(w + h * first, u[k], push[1]))
+    return out
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    u, force = multisine(N), channel(7)
+    return u, force, moved(u, force - force.mean())
+
+
+@pytest.mark.slow
+def test_what_the_channel_does_is_named_with_its_gain(shaken):
+    u, force, y = shaken
+    told = diagnose([recording(u, y, f=force)], options=Options(effort="quick"))
+    assert [each.name for each in told.effects] == ["measured_disturbance"]
+    assert told.verdict == "effects"
+    low, high = told.effects[0].parameters["gain"].ci95
+    assert low <= GAIN <= high
+    assert high - low < 0.1 * GAIN
+    assert abs(told.extended.K_L - K_L) < 2e-3 * K_L
+    json.dumps(told.as_json(), allow_nan=False)
+
+
+@pytest.mark.slow
+def test_without_the_channel_it_is_not_named(shaken):
+    u, _, y = shaken
+    told = diagnose([recording(u, y)], options=Options(effort="quick"))
+    assert "measured_disturbance" not in [each.name for each in told.effects]
+    assert told.extended.holdout_nrmse > 0.05
+
+
+@pytest.mark.slow
+def test_a_channel_that_does_nothing_is_not_named(shaken):
+    u, force, _ = shaken
+    told = diagnose([recording(u, moved(u, force, gain=0.0), f=channel(8))], options=Options(effort="quick"))
+    assert not told.effects
+
+
+def test_fewer_samples_see_the_mean_of_the_channel(shaken):
+    u, force, y = shaken
+    every = series(recording(u, y, f=force), nominal_f=40.0)
+    sparse = every.sparser(4)
+    rows = np.arange(0, N, 4)
+    assert sparse.force[5] == pytest.approx(np.mean(every.force[rows[4] + 1 : rows[5] + 1]))
+    assert len(sparse.force) == len(sparse.t)
+    assert len(series(recording(u, y)).sparser(4).force) == 0
+
+
+def test_its_column_is_read(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,u,y,load [N]\n" + "".join(f"{k / 1000},{k % 3},{k},{2 * k}\n" for k in range(9)))
+    found = read(path, "f=load")
+    np.testing.assert_allclose(found.f, 2.0 * np.arange(9))
+    assert found.units["f"] == "N"
+    assert read(path).f is None

@@ -1,0 +1,137 @@
+"""The same record in other units is the same record: causes, and numbers after conversion."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from units_truth import RATE, record
+
+from seod.cli import app
+from seod.data import Recording
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.result import DiagnoseError
+from seod.diagnose.search.budget import EFFORTS
+
+CASES = {
+    "clean": {},
+    "coulomb_friction": {"friction": 0.4},
+    "backlash": {"gap": 1e-3},
+    "load_spring": {"stiffness": 60.0},
+}
+SECONDS = 5.0
+TOLERANCE = 1e-6
+LEAST_SHARE = 1e-8
+"""Of shares, which add up to 1: of one that is nearly none no six digits can be told."""
+SPENT = "the search ended before"
+"""Rounding may take a fit one step more, and so much work is left that it is told or not."""
+OF_Y = {"K_L", "rms_from_measured", "rms_from_fitted"}
+"""Numbers in the unit of y, beside those of effects that say so."""
+
+
+@pytest.fixture(autouse=True)
+def little(monkeypatch):
+    """Less than a quick search: the units are asked for, not the causes."""
+    monkeypatch.setitem(EFFORTS, "quick", 0.05)
+
+
+def told(u, y, per_metre):
+    """The answer for y in a unit of which so many are a metre."""
+    rows = np.arange(len(u))
+    none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "units": {}, "problems": ()}
+    recording = Recording((Path("run.csv"),), rows / RATE, u, per_metre * y, rows=rows, **none)
+    answer = diagnose([recording], (), Options(effort="quick")).as_json()
+    return answer | {"remarks": [each for each in answer["remarks"] if not each.startswith(SPENT)]}
+
+
+def numbers(answer, per_metre):
+    """By place, numbers in m; sentences without theirs."""
+    out = {}
+    for place, value, unit in leaves(answer):
+        power = {"unit": 1, "rad/unit": -1}.get(re.sub(r"(?<=unit).*", "", unit), 0)
+        if place.split(".")[-1] in OF_Y:
+            power = 1
+        number = isinstance(value, float) and not isinstance(value, bool)
+        out[place] = value / per_metre**power if number else re.sub(r"-?\d[\d.e+-]*", "#", str(value))
+    return out
+
+
+def leaves(answer, place="", unit=""):
+    if isinstance(answer, dict):
+        for name, value in answer.items():
+            yield from leaves(value, f"{place}.{name}", str(answer.get("unit", "")))
+    elif isinstance(answer, list):
+        for k, value in enumerate(answer):
+            yield from leaves(value, f"{place}[{k}]", unit)
+    else:
+        yield place, answer, unit
+
+
+def apart(a, b):
+    """Places at which two answers differ, and by how much."""
+    assert a.keys() == b.keys()
+    return {
+        place: (a[place], b[place])
+        for place in a
+        if not (a[place] == b[place] or (isinstance(a[place], float) and close(a[place], b[place], place)))
+    }
+
+
+def close(a, b, place):
+    return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=LEAST_SHARE if place.startswith(".account") else 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("clean", [1e3]),
+        ("coulomb_friction", [1e-3]),
+        ("backlash", [1e6]),
+        ("load_spring", [1e3]),
+    ],
+)
+def test_a_position_in_another_unit(name, units):
+    rows = record(SECONDS, **CASES[name])
+    in_metres = numbers(told(*rows, 1.0), 1.0)
+    named = [in_metres[each] for each in in_metres if re.fullmatch(r"\.effects\[\d\]\.name", each)]
+    assert named == ([] if name == "clean" else [name])
+    for per_metre in units:
+        assert not apart(in_metres, numbers(told(*rows, per_metre), per_metre))
+
+
+def test_a_command_in_other_units_than_the_first_is_refused():
+    rows = np.arange(1000)
+    none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "problems": ()}
+    y = np.sin(rows)
+    first, second = (
+        Recording((Path(name),), rows / RATE, y, y, rows=rows, units={"u": unit}, **none)
+        for name, unit in (("a.csv", "V"), ("b.csv", "m"))
+    )
+    with pytest.raises(DiagnoseError, match=r"b\.csv: u is in m, in a\.csv in V: give --units u="):
+        diagnose([first], [second])
+
+
+@pytest.mark.slow
+def test_files_that_tell_their_units(tmp_path):
+    u, y = record(SECONDS, **CASES["backlash"])
+    t = np.arange(len(u)) / RATE
+    units = {"s": (1.0, "m", 1.0), "ms": (1e3, "mm", 1e3), "us": (1e6, "um", 1e6)}
+    answers = []
+    for time, (per_second, length, per_metre) in units.items():
+        path = tmp_path / f"run-{time}.csv"
+        rows = zip((per_second * t).tolist(), u.tolist(), (per_metre * y).tolist(), strict=True)
+        lines = [f"t [{time}],u [V],y [{length}]", *(",".join(map(repr, row)) for row in rows)]
+        path.write_text("\n".join(lines) + "\n", "utf-8")
+        options = ["diagnose", str(path), "--output", "position", "--effort", "quick", "--json"]
+        result = CliRunner().invoke(app, options)
+        assert result.exit_code == 0, result.output
+        answers.append(numbers(json.loads(result.stdout), 1.0))
+    assert answers[0][".effects[0].name"] == "backlash"
+    assert not apart(answers[0], answers[1])
+    assert not apart(answers[0], answers[2])

@@ -1,0 +1,95 @@
+"""A valve's gain by level and direction: named with its map, from closed forms; simpler causes stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from seod.data import Recording
+from seod.diagnose.causes.valve import STATIC_VALVE_MAP
+from seod.diagnose.pipeline import Options, diagnose
+from sim.parameters import parameters
+from sim.physics import mapped
+from sim.valve_map import ValveMap
+
+K_L, OMEGA_N, ZETA = 3.0, 30.0, 0.4
+TICK, N, NOISE, LARGEST = 2e-3, 5000, 0.03, 2.0
+T = np.arange(N) * TICK
+AT, WORTH = (
+    np.array([-2.0, -1.3, -0.5, 0.0, 0.6, 1.2, 2.0]),
+    np.array([-1.7, -1.25, -0.6, 0.0, 0.4, 1.0, 2.2]),
+)
+
+
+def told_of(valve, seed=3):
+    random = np.random.default_rng(seed)
+    u = np.repeat(random.uniform(-LARGEST, LARGEST, N // 25), 25)
+    u[:25] = LARGEST
+    eq_1 = ([K_L * OMEGA_N**2], [1.0, 2.0 * ZETA * OMEGA_N, OMEGA_N**2])
+    y = lsim(eq_1, valve(u), T, interp=False)[1] + random.normal(0.0, NOISE, N)
+    one = Recording((Path("valve.csv"),), T, u, y, None, None, None, np.arange(N), {}, {}, ())
+    return diagnose([one], (), Options("velocity")).as_json()
+
+
+def map_of(told):
+    """The found map as the plant's own."""
+    (effect,) = told["effects"]
+    return ValveMap({f"static_valve_map_{name}": of["value"] for name, of in effect["parameters"].items()})
+
+
+@pytest.mark.slow
+def test_a_gain_by_level_and_direction_is_named_with_its_map():
+    told = told_of(lambda u: np.interp(u, AT, WORTH))
+    assert (told["verdict"], [one["name"] for one in told["effects"]]) == ("effects", ["static_valve_map"])
+    found, volts = map_of(told), np.linspace(-LARGEST, LARGEST, 81)
+    flow = told["extended"]["K_L"] * np.array([found.worth(x) for x in volts])
+    true = K_L * np.interp(volts, AT, WORTH)
+    straight = np.polyval(np.polyfit(volts, true, 1), volts)
+    assert np.max(np.abs(flow - true)) < 0.2 * np.max(np.abs(straight - true))
+
+
+PARTS = ("bend_1", "bend_2", "tilt_1", "tilt_2", "tilt_3")
+SIMPLER = {
+    "valve_deadband": lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.15, 0.0),
+    "asymmetric_gain": lambda u: np.where(u > 0.0, 1.1 * u, 0.9 * u),
+    "valve_saturation": lambda u: np.clip(u, -1.5, 1.5),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SIMPLER)
+def test_where_a_simpler_one_explains_as_much_it_is_named(name):
+    told = told_of(SIMPLER[name])
+    assert (told["verdict"], [one["name"] for one in told["effects"]]) == ("effects", [name])
+
+
+def test_a_searched_map_does_not_fall():
+    parts = {"bend_1": 0.9, "bend_2": 0.0, "tilt_1": 0.2, "tilt_2": 0.0, "tilt_3": -0.3}
+    effects = {"static_valve_map": dict(parts)}
+    sizes = type("Sizes", (), {"volts": LARGEST})()
+    STATIC_VALVE_MAP.within(effects, sizes)
+    values = {f"static_valve_map_{name}": value for name, value in effects["static_valve_map"].items()}
+    worth = [ValveMap(values).worth(x) for x in LARGEST * np.arange(-3, 4) / 3.0]
+    assert np.min(np.diff(worth)) >= -1e-12
+    assert worth[-1] == pytest.approx(1.7)
+    assert worth[-2] == pytest.approx(LARGEST * 2.0 / 3.0)
+
+
+def test_the_map_in_plain_numbers_is_the_kernels():
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        parts = dict(zip(PARTS, random.uniform(-0.2, 0.2, len(PARTS)), strict=True)) | {"range": 1.3}
+        record = parameters(1.0, 50.0, 0.5, {"static_valve_map": parts})[0]
+        plain = ValveMap({f"static_valve_map_{name}": value for name, value in parts.items()})
+        for volts in (-2.0, -1.2, -0.7, -0.1, 0.0, 0.2, 0.5, 1.0, 1.4):
+            assert plain.worth(volts) == pytest.approx(mapped(record, volts), abs=1e-12)
+
+
+@pytest.mark.parametrize("worth", [-2.5, -1.1, 0.3, 2.6])
+def test_the_command_of_a_map_is_its_inverse(worth):
+    parts = {"bend_1": 0.1, "bend_2": 0.1, "tilt_1": 0.1, "tilt_2": -0.1, "tilt_3": 0.2, "range": 2.0}
+    one = ValveMap({f"static_valve_map_{name}": value for name, value in parts.items()})
+    assert one.worth(one.command(worth)) == pytest.approx(worth)

@@ -1,0 +1,61 @@
+"""Readings that repeat on a clock, and what repeats for other reasons."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from seod.diagnose.record.held_readings import held_readings
+
+TICK = 1e-3
+T = np.arange(20000) * TICK
+
+
+def movement(t):
+    return np.sin(8.2 * t) + 0.3 * np.sin(25.0 * t)
+
+
+def shown(hold, phase=4e-4, noise=0.01, step=0.0):
+    """When each row's reading was taken, and it."""
+    looked = np.floor((T - phase) / hold + 1e-6) * hold + phase
+    times, which = np.unique(looked, return_inverse=True)
+    y = movement(times) + np.random.default_rng(1).normal(0.0, noise, len(times))
+    y = np.round(y / step) * step if step else y
+    return looked, y[which]
+
+
+@pytest.mark.parametrize("step", [0.0, 0.002])
+@pytest.mark.parametrize("rows", [1.5, 2.7, 7.77, 33.3])
+def test_the_clock_and_the_times_of_readings_are_found(rows, step):
+    looked, y = shown(rows * TICK, step=step)
+    found = held_readings(T, y)
+    assert found is not None
+    assert found.time == pytest.approx(rows * TICK, rel=1e-5)
+    late = (found.taken - looked)[~found.repeated]
+    assert np.max(np.abs(late)) < 0.11 * TICK
+
+
+@pytest.mark.parametrize("rows", [2, 5, 10])
+def test_a_clock_in_step_with_the_rows_reads_at_them(rows):
+    _, y = shown(rows * TICK, phase=0.0)
+    found = held_readings(T, y)
+    assert found is not None
+    np.testing.assert_allclose(found.taken, T, atol=1e-5 * TICK)
+    np.testing.assert_array_equal(np.flatnonzero(~found.repeated) % rows, 0)
+
+
+@pytest.mark.parametrize(
+    "y",
+    [
+        movement(T),
+        np.round(movement(T) / 0.01) * 0.01,
+        np.round((T % 2.0 - 1.0) / 0.01) * 0.01,
+        np.maximum(movement(T), 0.0),
+        np.where(np.sin(5.0 * T) > 0.0, 1.0, -1.0),
+        np.round(np.cumsum(np.random.default_rng(1).normal(size=len(T)))),
+        np.zeros(len(T)),
+    ],
+    ids=["smooth", "coarse", "even ramps", "at an end", "square", "wandering", "at rest"],
+)
+def test_what_repeats_for_other_reasons_has_no_clock(y):
+    assert held_readings(T, y) is None
