@@ -80,9 +80,10 @@ def _of_daemon(run: Run, answers: list[Estimate]) -> Said:
 
 
 def _numbers(run: Run, a: Estimate) -> Numbers | None:
-    if a.omega_n is None or a.zeta is None or a.omega_n_sd is None or a.zeta_sd is None:
+    if a.omega_n is None or a.zeta is None:
         return None
-    return _relative(run, (a.omega_n, a.omega_n_sd, a.zeta, a.zeta_sd))
+    omega_n_sd, zeta_sd = (math.nan if sd is None else sd for sd in (a.omega_n_sd, a.zeta_sd))
+    return _relative(run, (a.omega_n, omega_n_sd, a.zeta, zeta_sd))
 
 
 def _relative(run: Run, values: baselines.Answer) -> Numbers:
@@ -147,6 +148,6 @@ def _parsed(text: str) -> dict[str, Any] | None:
 def sources() -> str:
     """Digest of all that decides the numbers: results of other sources do not count."""
     here = Path(__file__).parent
-    paths = [*sorted((here.parent / "seod" / "estimate").glob("*.py")), here / "baselines.py"]
+    paths = [*sorted((here.parent / "seod" / "estimate").rglob("*.py")), here / "baselines.py"]
     paths += [here / f"accuracy_{name}.py" for name in ("cases", "truth", "runs")]
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:12]

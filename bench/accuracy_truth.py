@@ -168,7 +168,7 @@ def _limit_cycle(
         state["velocity"], state["pressure"] = SPEED, 2.0 * plant.zeta * plant.omega_n * SPEED
         state["spool"] = state["target"] = SPEED / K_L
     y, u, t_u = np.empty((3, len(t)))
-    sampled_relay(p[0], state[0], relay[0], t, noise, NONE, NONE, y, u, t_u)
+    sampled_relay(p[0], state[0], relay[0], t, noise, NONE, NONE, NONE, y, u, t_u)
     return y, u, t_u
 
 
@@ -214,7 +214,7 @@ def _readings(run: Run, first: int, name: str, off: float) -> Array:
     """Without noise; the unknown is off by a part of its scale from the sample `first` on."""
     p = _parameters(run.plant, run.case.speed)
     state = new_state(p, run.t[0] - TICK, 0.0)
-    follow(p[0], state[0], run.t_u, run.u, run.t[: first + 1], NONE, NONE, NONE, np.empty(first + 1))
+    follow(p[0], state[0], run.t_u, run.u, run.t[: first + 1], NONE, NONE, NONE, NONE, np.empty(first + 1))
     omega_n, y = run.plant.omega_n, np.empty(len(run.t) - first)
     scales = {
         place: K_L * E_A * omega_n ** (k - 1) for k, place in enumerate(("position", "velocity", "pressure"))
@@ -222,7 +222,7 @@ def _readings(run: Run, first: int, name: str, off: float) -> Array:
     if name in scales:
         state[name] += off * scales[name]
     p = _parameters(_beside(run.plant, name, off), run.case.speed)
-    follow(p[0], state[0], run.t_u, run.u, run.t[first:], NONE, NONE, NONE, y)
+    follow(p[0], state[0], run.t_u, run.u, run.t[first:], NONE, NONE, NONE, NONE, y)
     return y
 
 

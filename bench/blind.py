@@ -2,6 +2,7 @@
 
     python bench/blind.py --out blind.jsonl --count 200     # again with the same file: goes on where it was
     python bench/blind.py --out blind.jsonl --count 0       # only the tables
+    python bench/blind.py --out rough.jsonl --rough         # noise, scales and converters of measured rigs
     python bench/blind.py --out relay.jsonl --cause coulomb_friction --excitation relay --noise 0.03
 
 Records come from the generator of `tests/blind`, which shares nothing with the model that is fitted. Each
@@ -30,11 +31,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 
 from hidden_cases import KINDS, Case, Invisible, draw, supply_of
 from hidden_records import make_record, write
+from hidden_rough import Rough, make_rough_record, rough
 from hidden_score import OUTCOMES, outcome, parameters, wilson
 
 from seod.data import read
-from seod.diagnose.answer import DiagnoseError
-from seod.diagnose.command import Options, diagnose
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.result import DiagnoseError
 
 GOALS = {"one": 0.99, "two": 0.95, "clean": 0.995, "unlisted": 0.95}
 COVERAGE = (0.90, 0.98)
@@ -44,13 +46,13 @@ LIMIT_S = 120
 LATE = "no answer in time"
 
 
-def answer(case: Case, folder: Path, limit: int) -> tuple[dict, float]:
+def answer(case: Case, folder: Path, limit: int, how: Rough | None = None) -> tuple[dict, float]:
     """What the diagnosis says of the case's file, and what it took [s of processor time].
 
     In a process of its own, which the kernel ends at the limit.
     """
     path = folder / "run.csv"
-    write(make_record(case), path)
+    write(make_record(case) if how is None else make_rough_record(case, how), path)
     output = "velocity" if case.rig.sees_speed else "position"
     with ProcessPoolExecutor(1, get_context("fork")) as pool:
         try:
@@ -90,8 +92,21 @@ def _defect(case: Case) -> dict[str, float]:
     return {names.get(name, name): value for name, value in case.defects.items()}
 
 
-def line(case: Case, told: dict, seconds: float) -> dict:
+def _told_by_rough_file(case: Case, how: Rough) -> dict:
     return {
+        name: {
+            of: how.converted(f"{name}.{of}", value, sees_speed=case.rig.sees_speed)
+            for of, value in group.items()
+        }
+        for name, group in _told_by_file(case).items()
+    }
+
+
+def line(case: Case, told: dict, seconds: float, how: Rough | None = None) -> dict:
+    truth = _told_by_file(case) if how is None else _told_by_rough_file(case, how)
+    judged = told if how is None else how.forgiven(case.causes, told)
+    return {
+        "rough": None if how is None else how.as_json(),
         "number": case.number,
         "kind": case.kind,
         "causes": list(case.causes),
@@ -102,11 +117,11 @@ def line(case: Case, told: dict, seconds: float) -> dict:
         "plant": [case.rig.K_L, case.rig.omega_n, case.rig.zeta],
         "effects": case.rig.effects,
         "defects": case.defects,
-        "outcome": outcome(case.kind, case.causes, told),
+        "outcome": outcome(case.kind, case.causes, judged),
         "verdict": told["verdict"],
         "named": [each["name"] for each in told["effects"]],
         "as_well": [each["indistinguishable_from"] for each in told["effects"]],
-        "parameters": parameters(_told_by_file(case), told),
+        "parameters": parameters(truth, judged),
         "before": (told.get("baseline") or {}).get("holdout_nrmse"),
         "after": (told.get("extended") or {}).get("holdout_nrmse"),
         "floor": told.get("noise_floor_nrmse"),
@@ -126,7 +141,8 @@ def run(args: argparse.Namespace, done: set[int]) -> None:
             except Invisible as error:
                 print(error, flush=True)
                 continue
-            found = line(case, *answer(case, Path(folder), args.limit))
+            how = rough(case) if args.rough else None
+            found = line(case, *answer(case, Path(folder), args.limit, how), how)
             out.write(json.dumps(found) + "\n")
             out.flush()
             print(summary(found), flush=True)
@@ -202,6 +218,8 @@ def tables(lines: list[dict]) -> None:
     table("single causes", [each for each in lines if each["kind"] == "one"], lambda each: each["causes"][0])
     table("by excitation", lines, lambda each: f"{each['excitation']} {each['output']}")
     table("by noise", lines, lambda each: each["noise_part"])
+    if any(each.get("rough") for each in lines):
+        table("by the noise's colour", lines, lambda each: each["rough"]["colour"])
     table("off the list", [e for e in lines if e["kind"] == "unlisted"], lambda each: each["causes"][0])
     alarms = [each for each in lines if each["kind"] == "clean" and each["named"]]
     print(f"\nfalse alarms on clean records: {len(alarms)}")
@@ -227,6 +245,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.01, help="part of the detrended std(y)")
     parser.add_argument("--duration", type=float, help="of each record [s]; default: by the plant, 20 or 30")
     parser.add_argument("--limit", type=int, default=LIMIT_S, help="processor time of a diagnosis [s]")
+    parser.add_argument("--rough", action="store_true", help="noise, scales and converters of measured rigs")
     args = parser.parse_args()
     args.kind = args.kind or (None if args.cause is None else ("one", "two")[len(args.cause) - 1])
     lines = _read(args.out)

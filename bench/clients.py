@@ -25,10 +25,10 @@ import numpy as np
 import stream
 
 from seod.client import Client, ClientError
-from seod.machine import read_machine
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
+from seod.latency.machine import read_machine
+from seod.processes.ring import bin_edges_us
 from seod.record.read import items
-from seod.ring import bin_edges_us
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,7 +38,7 @@ PATIENCE_S = 20.0
 
 
 def quantile_us(bins: np.ndarray, fraction: float) -> float:
-    """Percentile of a histogram of `seod.ring`, linear within the bin [us]."""
+    """Percentile of a histogram of `seod.processes.ring`, linear within the bin [us]."""
     edges = np.array([0.0, *bin_edges_us(), 1e5])
     return float(np.interp(fraction, np.cumsum([0, *bins]) / bins.sum(), edges))
 

@@ -17,8 +17,8 @@ from scipy.linalg import expm
 
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, EstimatorSettings, Row
-from seod.estimate.inversion import Measured, invert, invert_eq8, sensitivity
-from seod.estimate.limit_cycle import correction_factors
+from seod.estimate.limit_cycle.closed_form import correction_factors
+from seod.estimate.limit_cycle.inversion import Measured, invert, invert_eq8, sensitivity
 
 K_L, E_A, TICK = 17.0, 0.5, 5e-4
 METHODS = ("peaks", "exact", "wave")
@@ -58,8 +58,9 @@ def feed(method: str, rows: list[Row]) -> tuple[list[Estimate], float, float]:
 
 
 def report(method: str, zeta: float, omega_n: float, answers: list[Estimate]) -> str:
-    wn = 100.0 * np.array([[e.omega_n / omega_n - 1.0, e.omega_n_sd / omega_n] for e in answers])
-    z = 100.0 * np.array([[e.zeta / zeta - 1.0, e.zeta_sd / zeta] for e in answers])
+    nan = float("nan")  # `peaks` states none
+    wn = 100.0 * np.array([[e.omega_n / omega_n - 1.0, (e.omega_n_sd or nan) / omega_n] for e in answers])
+    z = 100.0 * np.array([[e.zeta / zeta - 1.0, (e.zeta_sd or nan) / zeta] for e in answers])
     inside = np.mean([np.abs(x[:, 0]) < 1.96 * x[:, 1] for x in (wn, z)])
     numbers = [(x[:, 0].mean(), x[:, 0].std(), x[:, 1].mean()) for x in (wn, z)]
     text = " ".join(f"{bias:+8.2f} {sd:6.2f} {stated:6.2f}  " for bias, sd, stated in numbers)

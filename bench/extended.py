@@ -19,7 +19,7 @@ import numpy as np
 
 from seod.config.edit import edited
 from seod.data import read
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
 
 CASES = {
     "friction": ["coulomb_friction.level=500"],
@@ -74,12 +74,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--case", choices=CASES, default=None)
-    wishes = parser.parse_args()
+    options = parser.parse_args()
     print(f"{'hidden':20} {'found':40} {'Hz':>7} {'rad':>8}  baseline: Hz, rad    extended: Hz, rad")
     for name, effects in CASES.items():
-        if wishes.case in (None, name):
+        if options.case in (None, name):
             with tempfile.TemporaryDirectory() as folder:
-                case(name, effects, Path(folder), wishes.seconds)
+                case(name, effects, Path(folder), options.seconds)
 
 
 if __name__ == "__main__":

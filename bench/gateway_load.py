@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import yaml
 
 from seod.client import Client, ClientError
-from seod.machine import read_machine
-from seod.paths import configs_dir
+from seod.files.shipped import configs_dir
+from seod.latency.machine import read_machine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,12 +9,12 @@
 /* Integration and events: sim/kernel.py */
 
 static void command(const Plant *p, State *s, double volts) {
-  volts = clip(volts, -p->valve_saturation_limit, p->valve_saturation_limit);
+  volts = mapped(p, clip(volts, -p->valve_saturation_limit, p->valve_saturation_limit));
   s->target = clip(s->target, volts - p->valve_hysteresis_half_width, volts + p->valve_hysteresis_half_width);
 }
 
 static double measured(const Plant *p, const State *s) {
-  return p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity);
+  return rectified(p, p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity));
 }
 
 static double quantized(const Plant *p, double value) {
@@ -30,7 +30,7 @@ static void step(const Plant *p, const State *s, const double *z, double h, doub
   double a[STATES], b[STATES], c[STATES], d[STATES], at[STATES];
   const double half = 0.5 * h;
   const double middle = opening(p, spool_at(p, s, half));
-  rates(p, s, z, s->t, opening(p, p->valve_lag_time > 0.0 ? s->spool : s->target), a);
+  rates(p, s, z, s->t, opening(p, spool_moves(p) ? s->spool : s->target), a);
   moved(z, a, half, at);
   rates(p, s, at, s->t + half, middle, b);
   moved(z, b, half, at);
@@ -47,6 +47,7 @@ static void accept(const Plant *p, State *s, const double *z, double h) {
   s->pressure = z[PRESSURE], s->velocity = z[VELOCITY], s->position = z[POSITION];
   s->velocity2 = z[VELOCITY2], s->position2 = z[POSITION2], s->bristle = z[BRISTLE], s->lagged = z[LAGGED];
   s->followed = followed(p, s, s->position);
+  s->steps += 1.0;
 }
 
 static double balance(const Plant *p, const State *s, const double *z, double t) {
@@ -62,7 +63,7 @@ static double breaks_away(const Plant *p, const State *s, const double *z, doubl
 static double event(const Plant *p, const State *s, const double *z, double h) {
   double most = -1.0;
   if (s->watch != 0.0) {
-    const double sees = p->sensor_lag_time > 0.0 ? z[LAGGED] : seen(p, s, z[POSITION], z[VELOCITY]);
+    const double sees = rectified(p, p->sensor_lag_time > 0.0 ? z[LAGGED] : seen(p, s, z[POSITION], z[VELOCITY]));
     most = max(most, s->watch * (sees - s->level - s->rate * (s->t + h)));
   }
   if (s->stopped != 0.0 || s->motion == 0.0) return max(most, breaks_away(p, s, z, s->t + h));
@@ -73,7 +74,7 @@ static double event(const Plant *p, const State *s, const double *z, double h) {
   return max(most, max(z[POSITION] - p->stop_high, p->stop_low - z[POSITION]));
 }
 
-static double locate(const Plant *p, const State *s, const double *z, double h) {
+static double locate(const Plant *p, State *s, const double *z, double h) {
   double low = 0.0, high = h, then[STATES];
   const double sharp = SHARPNESS * h;
   step(p, s, z, h, then);
@@ -83,6 +84,7 @@ static double locate(const Plant *p, const State *s, const double *z, double h) 
     double middle = (low * at_high - high * at_low) / (at_high - at_low);
     middle = clip(middle, low + 0.5 * sharp, high - 0.5 * sharp);
     if (trial > MOST_TRIALS) middle = 0.5 * (low + high);
+    s->steps += 1.0;
     step(p, s, z, middle, then);
     const double value = event(p, s, then, middle);
     if (value > 0.0) {
@@ -167,11 +169,28 @@ static long deliver(const Plant *p, State *s, const double *t_u, const double *u
   return given;
 }
 
+static double reading(const Plant *p, const State *s) {
+  return s->taken > -INFINITY ? s->reading : quantized(p, measured(p, s));
+}
+
+static long sampled(const Plant *p, State *s, const double *t_u, const double *u, long given, long made, double t) {
+  const double hold = p->held_readings_time;
+  if (hold != 0.0) {
+    const double due = min(s->origin + floor((t - s->origin) / hold + ON_TIME) * hold, t);
+    if (due > s->taken + 0.5 * hold) {
+      given = deliver(p, s, t_u, u, given, made, due);
+      s->reading = quantized(p, measured(p, s));
+      s->taken = due;
+    }
+  }
+  return deliver(p, s, t_u, u, given, made, t);
+}
+
 void follow(const Plant *p, State *s, const double *t_u, const double *u, const double *t, long rows, double *y) {
   long given = 0;
   for (long k = 0; k < rows; k++) {
-    given = deliver(p, s, t_u, u, given, rows, t[k]);
-    y[k] = quantized(p, measured(p, s));
+    given = sampled(p, s, t_u, u, given, rows, t[k]);
+    y[k] = reading(p, s);
   }
 }
 
@@ -180,8 +199,8 @@ void sampled_relay(const Plant *p, State *s, const Relay *r, const double *t, lo
   long given = 0;
   double sign = 1.0;
   for (long k = 0; k < rows; k++) {
-    given = deliver(p, s, t_u, u, given, k, t[k]);
-    y[k] = quantized(p, measured(p, s));
+    given = sampled(p, s, t_u, u, given, k, t[k]);
+    y[k] = reading(p, s);
     const double signal = y[k] - r->reference;
     if (fabs(signal) > r->hysteresis) sign = signal > 0.0 ? -1.0 : 1.0;
     u[k] = r->bias + sign * r->e_a;

@@ -29,7 +29,7 @@ from kernel_runs import Kernel, everything_once, follow_once, relay_once
 from kernel_start import starts
 from kernel_tasks import NAMES, RATE, pairs, plant
 
-from seod.machine import read_machine
+from seod.latency.machine import read_machine
 from sim.parameters import PARAMETERS
 from sim.state import STATE
 

@@ -71,7 +71,7 @@ def tasks(seconds: float) -> list[Task]:
 def kernel_given(p: NDArray, t: NDArray, u: NDArray) -> Callable[[], NDArray]:
     def run() -> NDArray:
         y, s = np.empty(len(t)), new_state(p)
-        follow(p[0], s[0], t, u, t, NOTHING, NOTHING, NOTHING, y)
+        follow(p[0], s[0], t, u, t, NOTHING, NOTHING, NOTHING, NOTHING, y)
         return y
 
     return run

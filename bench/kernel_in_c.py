@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim import kernel, physics
+from sim import kernel, physics, runs
+from sim.effects import MAP_KNOTS
 from sim.parameters import PARAMETERS
 from sim.runs import RELAY
 from sim.state import STATE
@@ -25,6 +26,8 @@ CONSTANTS = {
     "SHARPNESS": kernel.SHARPNESS,
     "MOST_TRIALS": kernel.MOST_TRIALS,
     "MOST_EVENTS": kernel.MOST_EVENTS,
+    "ON_TIME": runs.ON_TIME,
+    "MAP_KNOTS": MAP_KNOTS,
 }
 ROWS = ctypes.c_long
 

@@ -10,6 +10,21 @@ static inline double min(double a, double b) { return b < a ? b : a; }
 static inline double max(double a, double b) { return b > a ? b : a; }
 static inline double clip(double x, double low, double high) { return min(max(x, low), high); }
 
+static double through(double s, double first, double second, double third) {
+  const double begins = first * s * (2.0 - s) + second * 0.5 * s * (s - 1.0);
+  const double ends = 0.5 * (first * (s - 3.0) + third * (s - 1.0)) * (s - 2.0) - second * (s - 1.0) * (s - 3.0);
+  return begins + clip(s - 1.0, 0.0, 1.0) * (ends - begins);
+}
+
+static double mapped(const Plant *p, double volts) {
+  if (p->static_valve_map_range == INFINITY) return volts;
+  const double s = min(MAP_KNOTS * fabs(volts) / p->static_valve_map_range, MAP_KNOTS);
+  const double bend = through(s, p->static_valve_map_bend_1, p->static_valve_map_bend_2, 0.0);
+  const double tilt =
+      through(s, p->static_valve_map_tilt_1, p->static_valve_map_tilt_2, p->static_valve_map_tilt_3);
+  return volts + (volts < 0.0 ? -bend : bend) + tilt;
+}
+
 static double opening(const Plant *p, double spool) {
   const double from_centre = spool - p->null_shift_voltage, overlap = p->valve_deadband_half_width;
   if (from_centre > overlap) return (from_centre - overlap) * (1.0 + p->asymmetric_gain_ratio);
@@ -17,9 +32,23 @@ static double opening(const Plant *p, double spool) {
   return 0.0;
 }
 
+static double ramps_for(const Plant *p, const State *s) {
+  const double rate = p->valve_rate_limit_rate;
+  return max(0.0, fabs(s->target - s->spool) - rate * p->valve_lag_time) / rate;
+}
+
+static bool spool_moves(const Plant *p) { return p->valve_lag_time > 0.0 || p->valve_rate_limit_rate < INFINITY; }
+
 static double spool_at(const Plant *p, const State *s, double h) {
-  if (p->valve_lag_time == 0.0) return s->target;
-  return s->target + (s->spool - s->target) * exp(-h / p->valve_lag_time);
+  const double lag = p->valve_lag_time, rate = p->valve_rate_limit_rate;
+  if (rate < INFINITY) {
+    const double ramp = ramps_for(p, s), way = s->target - s->spool;
+    if (h < ramp) return s->spool + copysign(rate * h, way);
+    if (lag == 0.0) return s->target;
+    return s->target - copysign(min(fabs(way), rate * lag) * exp((ramp - h) / lag), way);
+  }
+  if (lag == 0.0) return s->target;
+  return s->target + (s->spool - s->target) * exp(-h / lag);
 }
 
 static double flow(const Plant *p, const State *s, double opened, double pressure, double gain) {
@@ -47,6 +76,7 @@ static double drive(const Plant *p, const State *s, double t, double pressure, d
   if (p->periodic_disturbance_amplitude != 0.0)
     total += p->periodic_disturbance_amplitude *
              sin(p->periodic_disturbance_omega * (t - s->origin) + p->periodic_disturbance_phase);
+  total += p->measured_disturbance_gain * s->force;
   const double ratio = p->load_resonance_inertia;
   return total - ratio / (1.0 + ratio) * coupled;
 }
@@ -87,6 +117,32 @@ static double rippled(const Plant *p, double position) {
                         sin(p->position_ripple_wavenumber * position + p->position_ripple_phase);
 }
 
+static bool bends(const Plant *p) {
+  return p->sensor_nonlinearity_order_2 != 0.0 || p->sensor_nonlinearity_order_3 != 0.0 ||
+         p->sensor_nonlinearity_order_4 != 0.0 || p->sensor_nonlinearity_order_5 != 0.0 ||
+         p->sensor_nonlinearity_order_6 != 0.0;
+}
+
+static double bend(const Plant *p, double position, double *slope) {
+  const double along = (position - p->sensor_nonlinearity_centre) / p->sensor_nonlinearity_half;
+  const double z = clip(along, -1.0, 1.0), z2 = z * z, z4 = z2 * z2;
+  const double a = p->sensor_nonlinearity_order_2, b = p->sensor_nonlinearity_order_3;
+  const double c = p->sensor_nonlinearity_order_4, d = p->sensor_nonlinearity_order_5;
+  const double e = p->sensor_nonlinearity_order_6;
+  double value = a * (1.5 * z2 - 0.5) + b * z * (2.5 * z2 - 1.5) + c * (4.375 * z4 - 3.75 * z2 + 0.375);
+  value += d * z * (7.875 * z4 - 8.75 * z2 + 1.875);
+  value += e * (14.4375 * z4 * z2 - 19.6875 * z4 + 6.5625 * z2 - 0.3125);
+  double rises = a * 3.0 * z + b * (7.5 * z2 - 1.5) + c * z * (17.5 * z2 - 7.5);
+  rises += d * (39.375 * z4 - 26.25 * z2 + 1.875) + e * z * (86.625 * z4 - 78.75 * z2 + 13.125);
+  *slope = rises / p->sensor_nonlinearity_half;
+  return value + rises * (along - z);
+}
+
+static double encoded(const Plant *p, double position) {
+  double slope;
+  return bends(p) ? rippled(p, position) + bend(p, position, &slope) : rippled(p, position);
+}
+
 static bool in_contact(const Plant *p, const State *s) {
   const double half = 0.5 * p->backlash_gap, rounding = 1e-15 * fabs(s->position);
   return s->motion * (s->position - s->followed) >= half * (1.0 - 1e-9) - rounding;
@@ -94,11 +150,18 @@ static bool in_contact(const Plant *p, const State *s) {
 
 static double seen(const Plant *p, const State *s, double position, double velocity) {
   const double behind = followed(p, s, position);
-  if (p->measures_speed == 0.0) return rippled(p, behind);
+  if (p->measures_speed == 0.0) return encoded(p, behind);
   if (p->backlash_gap > 0.0 && !in_contact(p, s)) return 0.0;
-  if (p->position_ripple_amplitude == 0.0) return velocity;
+  double slope = 0.0;
+  if (bends(p)) bend(p, behind, &slope);
+  slope += 1.0;
+  if (p->position_ripple_amplitude == 0.0) return velocity * slope;
   const double angle = p->position_ripple_wavenumber * behind + p->position_ripple_phase;
-  return velocity * (1.0 + p->position_ripple_amplitude * p->position_ripple_wavenumber * cos(angle));
+  return velocity * (slope + p->position_ripple_amplitude * p->position_ripple_wavenumber * cos(angle));
+}
+
+static double rectified(const Plant *p, double value) {
+  return value >= 0.0 ? value : (1.0 - 2.0 * p->rectified_sensor_part) * value;
 }
 
 static void rates(const Plant *p, const State *s, const double *z, double t, double opened, double *d) {

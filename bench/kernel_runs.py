@@ -18,12 +18,12 @@ class Kernel:
     """Records of shape (1,), arrays of one element a row."""
 
     def follow(self, p: NDArray, s: NDArray, t: NDArray, u: NDArray, y: NDArray) -> None:
-        runs.follow(p[0], s[0], t, u, t, NOTHING, NOTHING, NOTHING, y)
+        runs.follow(p[0], s[0], t, u, t, NOTHING, NOTHING, NOTHING, NOTHING, y)
 
     def sampled_relay(
         self, p: NDArray, s: NDArray, r: NDArray, t: NDArray, y: NDArray, u: NDArray, t_u: NDArray
     ) -> None:
-        runs.sampled_relay(p[0], s[0], r[0], t, NOTHING, NOTHING, NOTHING, y, u, t_u)
+        runs.sampled_relay(p[0], s[0], r[0], t, NOTHING, NOTHING, NOTHING, NOTHING, y, u, t_u)
 
     def ideal_relay(
         self, p: NDArray, s: NDArray, r: NDArray, t: NDArray, y: NDArray, switches: NDArray

@@ -1,14 +1,25 @@
 /* The length of a substep in C, for bench/kernel.c: sim/substep.py, function by function. */
 #include "kernel_physics.h"
 
+static double passes(const Plant *p, double before, double after) {
+  const double lag = p->valve_lag_time, rate = p->valve_rate_limit_rate, knee = rate * lag;
+  if (rate == INFINITY) return lag * log(before / after);
+  if (after >= knee) return (before - after) / rate;
+  return max(0.0, before - knee) / rate + lag * log(min(before, knee) / after);
+}
+
 static double next_edge(const Plant *p, const State *s) {
   double nearest = INFINITY;
-  if (p->valve_lag_time == 0.0) return nearest;
+  if (!spool_moves(p)) return nearest;
+  if (p->valve_rate_limit_rate < INFINITY) {
+    const double ramp = ramps_for(p, s);
+    if (ramp > 1e-9 * p->valve_lag_time) nearest = ramp;
+  }
   for (double side = -1.0; side <= 1.0; side += 2.0) {
     const double before = s->spool - s->target;
     const double after = p->null_shift_voltage + side * p->valve_deadband_half_width - s->target;
     if (before * after > 0.0 && fabs(after) < fabs(before) * (1.0 - 1e-9))
-      nearest = min(nearest, p->valve_lag_time * log(before / after));
+      nearest = min(nearest, passes(p, fabs(before), fabs(after)));
   }
   return nearest;
 }

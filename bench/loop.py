@@ -27,11 +27,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.latency import Latencies, count_seconds, parse_cyclictest
-from seod.machine import read_machine
-from seod.measure_latency import PRIORITY, MeasureError, make_loop, run_bare, run_cyclictest, run_loop
-from seod.realtime import enter_realtime
-from seod.ring import AxisState
+from seod.latency.machine import read_machine
+from seod.latency.measure import PRIORITY, MeasureError, make_loop, run_bare, run_cyclictest, run_loop
+from seod.latency.report import Latencies, count_seconds, parse_cyclictest
+from seod.processes.realtime import enter_realtime
+from seod.processes.ring import AxisState
 
 if TYPE_CHECKING:
     from seod.loop.tick import Loop

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from seod.latency import Latencies
+    from seod.latency.report import Latencies
 
 OURS, THEIRS, THIRD = "#1f6fb4", "#d9822b", "#7a7a7a"
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from seod.data import Recording, read
-from seod.diagnose.command import Options, diagnose
+from seod.diagnose.pipeline import Options, diagnose
 from sim.effects import EFFECTS
 from sim.parameters import parameters
 from sim.runs import follow
@@ -102,7 +102,7 @@ def simulated(data: Recording, plant: Plant, speed: bool) -> np.ndarray:
     s = new_state(p, float(data.t[0]), 0.0 if speed else float(data.y[0]))
     s["velocity"] = data.y[0] if speed else 0.0
     y = np.empty(len(data.t))
-    follow(p[0], s[0], data.t, data.u, data.t, NONE, NONE, NONE, y)
+    follow(p[0], s[0], data.t, data.u, data.t, NONE, NONE, NONE, NONE, y)
     return y
 
 
@@ -142,18 +142,18 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path())
     parser.add_argument("--rig", choices=RIGS, default=None)
     parser.add_argument("--steps", type=int, default=12)
-    wishes = parser.parse_args()
+    options = parser.parse_args()
     for rig, (name, speed, published, cases) in RIGS.items():
-        if wishes.rig not in (None, rig):
+        if options.rig not in (None, rig):
             continue
-        if not (wishes.folder / name).exists():
-            print(f"{rig}: left out, {wishes.folder / name} is not there")
+        if not (options.folder / name).exists():
+            print(f"{rig}: left out, {options.folder / name} is not there")
             continue
-        data = read(wishes.folder / name)
+        data = read(options.folder / name)
         print(f"{rig}: {published}")
         searched(data, speed)
         for case in cases:
-            x, held_out, whole = fitted(data, case, speed, wishes.steps)
+            x, held_out, whole = fitted(data, case, speed, options.steps)
             numbers = ", ".join(f"{each:.4g}" for each in x)
             print(f"  {case.name:28} held out {held_out:6.2%}  whole {whole:6.2%}  ({numbers})", flush=True)
 

@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 from bench.estimators import E_A, K_L, PLANTS, TICK, feed, relay_rows  # noqa: E402
 from seod.config.load import load_rig  # noqa: E402
 from seod.identify import Record, identify  # noqa: E402
-from seod.respond import Stretch, respond  # noqa: E402
+from seod.respond import Segment, respond  # noqa: E402
 from seod.respond.design import Excitation, multisines, settling_time, sines  # noqa: E402
 from seod.respond.fit import Plant  # noqa: E402
 from seod.respond.predict import predict  # noqa: E402
@@ -50,13 +50,13 @@ def excitations(plant: Plant, kind: str, volts: float, seed: int = 1) -> list[Ex
     return [drive.scaled(volts) for drive in drives]
 
 
-def measured(a: Actuator, drive: Excitation, noise: float, delay: int, seed: int) -> Stretch:
+def measured(a: Actuator, drive: Excitation, noise: float, delay: int, seed: int) -> Segment:
     periods = 6 if len(drive.tones) > 1 else max(6, int(0.5 / drive.period))
     t = np.arange(int((drive.settling + periods * drive.period) / TICK) + 2) * TICK
     hertz, amplitude, phase = np.array(drive.tones).T
     u = np.sin(2 * np.pi * np.outer(t, hertz) + phase) @ amplitude
     y = driven(a, np.concatenate((np.zeros(delay), u[: len(u) - delay])), noise, seed)
-    return Stretch.of("apart", t, u, y, None, period=drive.period).after(drive.settling)
+    return Segment.of("apart", t, u, y, None, period=drive.period).after(drive.settling)
 
 
 def agreement() -> None:
@@ -70,8 +70,8 @@ def agreement() -> None:
         for kind in ("multisine", "sine"):
             drives = excitations(cycle, kind, E_A)
             actuator = Actuator(K_L, omega_n, zeta, LINEAR)
-            stretches = [measured(actuator, drive, noise, 1, k) for k, drive in enumerate(drives)]
-            fit = respond(stretches).fit
+            segments = [measured(actuator, drive, noise, 1, k) for k, drive in enumerate(drives)]
+            fit = respond(segments).fit
             off = cycle.omega_n / fit.plant.omega_n - 1, cycle.zeta / fit.plant.zeta - 1
             sd = fit.sd["omega_n"] / omega_n, fit.sd["zeta"] / zeta
             line = f"{zeta:5} {omega_n:8} {kind:>10}  {100 * off[0]:+8.2f}% {100 * off[1]:+7.2f}%"

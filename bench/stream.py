@@ -18,9 +18,9 @@ import time
 from pathlib import Path
 
 from seod.config.load import load_rig
-from seod.paths import configs_dir
-from seod.process import ChildArguments, write_memfd
-from seod.ring import FLAG_EXCITING, FLAG_FRESH, AxisState, Shared, Word
+from seod.files.shipped import configs_dir
+from seod.processes.handover import ChildArguments, write_memfd
+from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH, AxisState, Shared, Word
 
 RATE_HZ = 2000
 SECONDS = 10.0

@@ -21,9 +21,9 @@ from scipy.linalg import expm
 
 from seod.estimate import make_estimator
 from seod.estimate.base import Estimate, EstimatorSettings, Row
-from seod.estimate.plant_response import Dynamics
-from seod.estimate.relay_run import Drive
-from seod.estimate.second_phase import Choice, Reach, Seen, choose
+from seod.estimate.plant.free_motion import Dynamics
+from seod.estimate.two_phase.relay_run import Drive
+from seod.estimate.two_phase.second_phase import Choice, Reach, Seen, choose
 from seod.loop.two_phase import SecondPhase, TwoPhaseRelay
 
 K_L, E_A, TICK, DELAY, NOISE, CYCLES, SHIFT = 17.0, 0.5, 5e-4, 4e-4, 0.01, 3, 0.25

@@ -1,12 +1,12 @@
 """The model beside the rig: how often it cries wolf, how soon it sees a rig that left it, what it costs.
 
-    python bench/beside.py [--minutes 10] [--changes 20]
+    python bench/model_monitor.py [--minutes 10] [--changes 20]
 
-Rows of a relay on a simulated rig go through what the gateway has: stretches, model, statistic, verdict.
+Rows of a relay on a simulated rig go through what the gateway has: segments, model, statistic, verdict.
 Beside each figure stands what theory says: of noise alone the statistic has mean -p / sqrt(2 n) with p free
 numbers and n samples, and deviation 1 if the noise's were known; a change is told at the end of the third
-stretch that shows it, and the one in which it happens may or may not: two to four stretches after it. Costs
-are processor time per stretch over its length, for four axes.
+segment that shows it, and the one in which it happens may or may not: two to four segments after it. Costs
+are processor time per segment over its length, for four axes.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.beside.judge import IN_A_ROW, SIGNIFICANT, Verdict, judge
-from seod.beside.kernel import KernelModel
-from seod.beside.linear import LinearModel
 from seod.config.load import load_rig
-from seod.gateway.stretches import Stretches
-from seod.paths import configs_dir
-from seod.ring import FLAG_EXCITING, FLAG_FRESH
+from seod.files.shipped import configs_dir
+from seod.model_monitor.judge import IN_A_ROW, SIGNIFICANT, Verdict, judge
+from seod.model_monitor.kernel import KernelModel
+from seod.model_monitor.linear import LinearModel
+from seod.observe.segments import Segments
+from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH
 from sim.config import PlantConfig
 from sim.parameters import parameters
 from sim.runs import RELAY, sampled_relay
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.beside.judge import ModelError
-    from seod.beside.window import Model, Stretch
+    from seod.model_monitor.judge import ModelError
+    from seod.model_monitor.window import Model, Segment
 
     Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class Rig:
 
     @property
     def free(self) -> int:
-        """Numbers that the model fits to each stretch."""
+        """Numbers that the model fits to each segment."""
         return 4 if self.effects else 3 if self.speed else 4
 
 
@@ -130,36 +130,36 @@ class Run:
         self.tick += n
         y, u, t_u = np.empty((3, n))
         noise = self.random.normal(0.0, self.rig.noise, n)
-        sampled_relay(self.record[0], self.state[0], self.relay[0], t, noise, NONE, NONE, y, u, t_u)
+        sampled_relay(self.record[0], self.state[0], self.relay[0], t, noise, NONE, NONE, NONE, y, u, t_u)
         flags = FLAG_EXCITING | FLAG_FRESH
         for k in range(0, n, PIECE):
             table = zip(*(x[k : k + PIECE].tolist() for x in (t, y, u)), strict=True)
             yield [(a, b, 0.0, c, a, 0.5, 0.0, 0.0, NAN, NAN, 17.0, 2, flags) for a, b, c in table]
 
 
-def stretches(run: Run, cut: Stretches, seconds: float) -> Iterator[Stretch]:
+def segments(run: Run, cut: Segments, seconds: float) -> Iterator[Segment]:
     """Those of the next rows."""
     for rows in run.rows(seconds):
         yield from cut.add(rows)
 
 
-def errors(some: Iterable[Stretch], model: Model) -> Iterator[ModelError]:
+def errors(some: Iterable[Segment], model: Model) -> Iterator[ModelError]:
     """What the gateway would stream."""
-    for stretch in some:
-        error = judge(stretch, model.residual(stretch), 0.0, model.name)
+    for segment in some:
+        error = judge(segment, model.residual(segment), 0.0, model.name)
         if error is not None:
             yield error
 
 
 def false_alarms(rig: Rig, minutes: float) -> None:
     """One line: the statistic of a rig that keeps to its model."""
-    run, cut, model, verdict = Run(rig, 1), Stretches(rig.base[1], None), rig.model(), Verdict()
+    run, cut, model, verdict = Run(rig, 1), Segments(rig.base[1], None), rig.model(), Verdict()
     found, events, used, n = [], 0, 0.0, 0
-    for number, stretch in enumerate(stretches(run, cut, 60.0 * minutes)):
+    for number, segment in enumerate(segments(run, cut, 60.0 * minutes)):
         if number * cut.span < ENTRY_S:
             continue
-        n, begun = len(stretch.t), time.process_time()
-        for error in errors([stretch], model):
+        n, begun = len(segment.t), time.process_time()
+        for error in errors([segment], model):
             found.append(error.statistic)
             events += verdict.add(error)
         used += time.process_time() - begun
@@ -179,13 +179,13 @@ def delays(name: str, changes: int) -> None:
     """One line: how long after a change the event comes."""
     rig, after, sizes = RIGS[0], [], []
     factors, effects = CHANGES[name]
-    span = Stretches(rig.base[1], None).span
+    span = Segments(rig.base[1], None).span
     for seed in range(changes):
-        run, cut, model, verdict = Run(rig, seed), Stretches(rig.base[1], None), rig.model(), Verdict()
+        run, cut, model, verdict = Run(rig, seed), Segments(rig.base[1], None), rig.model(), Verdict()
         before = ENTRY_S + span * seed / changes
-        assert not any(verdict.add(each) for each in errors(stretches(run, cut, before), model))
+        assert not any(verdict.add(each) for each in errors(segments(run, cut, before), model))
         run.change(factors, effects)
-        for error in errors(stretches(run, cut, 20.0), model):
+        for error in errors(segments(run, cut, 20.0), model):
             sizes.append(error.nrmse)
             if verdict.add(error):
                 after.append(error.t - before)
@@ -205,18 +205,18 @@ def main() -> None:
     )
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--changes", type=int, default=20)
-    wishes = parser.parse_args()
-    head = ("stretches", "mean, deviation (theory)", "largest", f"beyond {SIGNIFICANT:.0f}", "events")
-    print(f"{wishes.minutes:g} simulated minutes that keep to the model")
+    options = parser.parse_args()
+    head = ("segments", "mean, deviation (theory)", "largest", f"beyond {SIGNIFICANT:.0f}", "events")
+    print(f"{options.minutes:g} simulated minutes that keep to the model")
     print(
         f"{'':22} {head[0]:>9} {head[1]:>26} {head[2]:>8} {head[3]:>9} {head[4]:>7} {'ms':>9} {'4 axes':>11}"
     )
     for rig in RIGS:
-        false_alarms(rig, wishes.minutes)
+        false_alarms(rig, options.minutes)
     print("\nchanges of the first rig")
-    print(f"{'':22} {'seen':>10} {'error':>10} {'after':>9} {'stretches':>14}  (theory)")
+    print(f"{'':22} {'seen':>10} {'error':>10} {'after':>9} {'segments':>14}  (theory)")
     for name in CHANGES:
-        delays(name, wishes.changes)
+        delays(name, options.changes)
 
 
 if __name__ == "__main__":
