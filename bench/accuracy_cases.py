@@ -28,6 +28,11 @@ class Case:
         friction: Dry, as a part of K_L e_a omega_n, the scale of the load's acceleration.
         speed: Velocity mode: the sensor measures speed, the relay sees the integral of its error.
         free: What is not known beforehand besides omega_n and zeta: "K_L" or "delay".
+        load: Constant, as the part of e_a that holds it.
+        unequal: K_L (1 + unequal) for positive voltages, K_L (1 - unequal) for negative ones.
+        bias: Behind the relay, as a part of e_a: its two levels are unequal.
+        two_phase: The relay alternates between its two phases; K_L and the delay are not known.
+        before: Cycles of a record before the last window, in which the start dies away.
     """
 
     zeta: float
@@ -41,6 +46,11 @@ class Case:
     friction: float = 0.0
     speed: bool = False
     free: str = ""
+    load: float = 0.0
+    unequal: float = 0.0
+    bias: float = 0.0
+    two_phase: bool = False
+    before: int = 3
 
     @property
     def name(self) -> str:

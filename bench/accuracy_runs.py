@@ -126,7 +126,7 @@ def read(path: Path, digest: str | None) -> dict[str, dict[int, list[Heard]]]:
         digest: Of the sources whose results count; None: of each case those of its newest line.
     """
     lines = (
-        [kept for text in path.read_text().splitlines() if (kept := _parsed(text))] if path.exists() else []
+        [kept for text in path.read_text().splitlines() if (kept := parsed(text))] if path.exists() else []
     )
     newest = {kept["case"]: kept["digest"] for kept in lines}
     found: dict[str, dict[int, list[Heard]]] = {}
@@ -137,7 +137,8 @@ def read(path: Path, digest: str | None) -> dict[str, dict[int, list[Heard]]]:
     return found
 
 
-def _parsed(text: str) -> dict[str, Any] | None:
+def parsed(text: str) -> dict[str, Any] | None:
+    """A line of the file; None where it was cut short."""
     try:
         kept: dict[str, Any] = json.loads(text)
     except json.JSONDecodeError:
@@ -150,4 +151,9 @@ def sources() -> str:
     here = Path(__file__).parent
     paths = [*sorted((here.parent / "seod" / "estimate").rglob("*.py")), here / "baselines.py"]
     paths += [here / f"accuracy_{name}.py" for name in ("cases", "truth", "runs")]
+    return digest_of(paths)
+
+
+def digest_of(paths: list[Path]) -> str:
+    """Of the files' contents, twelve digits."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:12]

@@ -21,14 +21,16 @@ from sim.state import new_state
 Array = np.ndarray
 
 K_L, E_A = 17.0, 0.5
+GUESS = 5.0
+"""Of K_L, where nothing is known of it [unit/s/V]."""
 SPEED = 30.0
 """Mean speed in velocity mode [unit/s]."""
 GAIN_KNOWN, DELAY_KNOWN = 0.03, 0.3
 """How well K_L and the delay are known where they are estimated: a part of K_L, ticks."""
 CYCLES = 4
 """The estimators' window."""
-BEFORE = 3
-"""Cycles of a record before the last window, in which the start dies away."""
+PHASE, SHIFT = 3, 0.25
+"""Cycles of each of two phases, and by how much of a period the second is late."""
 SPREAD = 0.02
 """Each run has a plant up to this far from the case's, so that no one ratio of period and tick decides."""
 NONE = np.zeros(0)
@@ -46,6 +48,8 @@ class Plant(NamedTuple):
     """From a voltage's leaving to its arrival [s]."""
     load: float = 0.0
     """[unit/s^2]"""
+    unequal: float = 0.0
+    """Half the relative difference between the gains of positive and negative voltages."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Run:
     @property
     def bias(self) -> float:
         """Behind the relay [V]."""
-        return SPEED / K_L if self.case.speed else 0.0
+        return SPEED / K_L if self.case.speed else self.case.bias * E_A
 
     @property
     def seen(self) -> Array:
@@ -86,12 +90,35 @@ class Run:
     def rows(self) -> list[Row]:
         """As the daemon would feed them."""
         columns = (self.stamped, self.seen, self.u, self.t_u, self.y)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        return [Row(*each, 0.0, E_A, self.bias, exciting=True, speed=speed) for *each, speed in rows]
+        rows = zip(*(column.tolist() for column in columns), self._second(), strict=True)
+        return [
+            Row(*each, 0.0, E_A, self.bias, exciting=True, speed=speed, second=second)
+            for *each, speed, second in rows
+        ]
+
+    def _second(self) -> list[bool]:
+        """Whether each row's command is the second phase's: the relay's own counting, by its crossings."""
+        if not self.case.two_phase:
+            return [False] * len(self.t)
+        count, sign, second, out = -1, 1.0, False, []
+        for y in self.y.tolist():
+            wanted = -1.0 if y > self.hysteresis else 1.0 if y < -self.hysteresis else sign
+            if wanted > sign:
+                count += 1
+                if count == PHASE:
+                    count, second = 0, not second
+            sign = wanted
+            out.append(second)
+        return out
 
     def settings(self, method: str) -> EstimatorSettings:
         """What a user would tell the estimators."""
         free = self.case.free
+        if self.case.two_phase:
+            return EstimatorSettings(
+                method, GUESS, self.hysteresis, 0.0, TICK, cycles_of(self.case), None,
+                K_L_sd=math.inf, delay_sd=math.inf,
+            )  # fmt: skip
         return EstimatorSettings(
             method, K_L, self.hysteresis, known_delay(self.case), TICK, CYCLES, None,
             K_L_sd=GAIN_KNOWN * K_L if free == "K_L" else 0.0,
@@ -99,6 +126,11 @@ class Run:
             resolution=self.step,
             integrated=self.case.speed,
         )  # fmt: skip
+
+
+def cycles_of(case: Case) -> int:
+    """The estimators' window, in cycles."""
+    return 2 * PHASE if case.two_phase else CYCLES
 
 
 def known_delay(case: Case) -> float:
@@ -123,14 +155,15 @@ def make(case: Case, seed: int) -> Run:
     """One record, from rest somewhat beside the set point; the seed makes it again."""
     rng = np.random.default_rng([seed, *case.name.encode()])
     plant, (amplitude, period) = _drawn(case, rng), scale_of(case)
-    nominal = TICK * np.arange(int(2 * (CYCLES + BEFORE) * period / TICK))
+    cycles = cycles_of(case) + case.before
+    nominal = TICK * np.arange(int((3 if case.two_phase else 2) * cycles * period / TICK))
     t = nominal + TICK * case.jitter * np.clip(rng.standard_normal(len(nominal)), -3.0, 3.0)
     noise = case.noise * amplitude * rng.standard_normal(len(t))
     position = amplitude / (plant.omega_n if case.speed else 1.0)
     hysteresis, step = case.hysteresis * position, amplitude / case.steps if case.steps else 0.0
     place = hysteresis, 0.3 * position * rng.uniform(-1.0, 1.0)
     y, u, t_u = _limit_cycle(case, plant, t, place, step, noise)
-    ups = _ups(t, u, period)[: CYCLES + BEFORE + 1]
+    ups = _ups(t, u, period)[: cycles + 1]
     count = int(ups[-1]) + 3
     sigma = math.hypot(case.noise * amplitude, step / math.sqrt(12.0))
     mean_period = float(t[ups[-1]] - t[ups[1]]) / (len(ups) - 2)
@@ -144,11 +177,16 @@ def _drawn(case: Case, rng: np.random.Generator) -> Plant:
     off = float(np.clip(rng.standard_normal(), -3.0, 3.0))
     gain = K_L * (1.0 + GAIN_KNOWN * off) if case.free == "K_L" else K_L
     delay = TICK * (1.0 + DELAY_KNOWN * off) if case.free == "delay" else 0.0
-    return Plant(zeta, omega_n, gain, delay)
+    load = case.load * E_A * K_L * omega_n / (2.0 * zeta)
+    return Plant(zeta, omega_n, gain, delay, load, case.unequal)
 
 
 def _parameters(plant: Plant, speed: bool, effects: dict[str, dict[str, float]] | None = None) -> Array:
-    linear = {"transport_delay": {"time": plant.delay}, "load_bias": {"acceleration": plant.load}}
+    linear = {
+        "transport_delay": {"time": plant.delay},
+        "load_bias": {"acceleration": plant.load},
+        "asymmetric_gain": {"ratio": plant.unequal},
+    }
     return parameters(
         plant.K_L, plant.omega_n, plant.zeta, linear | (effects or {}), measures_speed=float(speed)
     )
@@ -162,6 +200,9 @@ def _limit_cycle(
     effects["sensor_quantization"] = {"step": step}
     p, relay = _parameters(plant, case.speed, effects), np.zeros(1, RELAY)
     relay["e_a"], relay["hysteresis"], relay["latency"] = E_A, place[0], TICK * case.delay
+    relay["bias"] = case.bias * E_A
+    if case.two_phase:
+        relay["cycles"], relay["shift"] = PHASE, SHIFT
     state = new_state(p, t[0], place[1])
     if case.speed:
         relay["velocity_mode"], relay["reference"], relay["bias"] = 1.0, SPEED, SPEED / K_L
@@ -179,12 +220,17 @@ def _ups(t: Array, u: Array, period: float) -> Array:
     return ups[np.concatenate([[True], apart])] if len(ups) else ups
 
 
-def bound(run: Run, begin: float) -> Array:
+def bound(run: Run, begin: float, unknown: tuple[str, ...] = ()) -> Array:
     """Cramer-Rao bound of the relative errors of omega_n and zeta for the samples from `begin` [s] on.
 
     Unknown with them: the state at `begin`, a constant load, and what the case leaves free, with its prior.
     The voltages count as given: they are made of measurements, and tell no more than these.
     Dry friction and counts are no part of it but as noise.
+
+    Args:
+        run: The record.
+        begin: [s].
+        unknown: "K_L", "delay" or both, of which nothing is known; beside what the case leaves free.
 
     Returns:
         Standard deviations of the logarithms of omega_n and zeta, shape (2,); zeros without noise.
@@ -193,7 +239,7 @@ def bound(run: Run, begin: float) -> Array:
         return np.zeros(2)
     first = int(np.searchsorted(run.t, begin - 1e-9))
     names = ["omega_n", "zeta", "position", "velocity", "pressure", "load"]
-    names += [run.case.free] if run.case.free else []
+    names += [*unknown, *([run.case.free] if run.case.free else [])]
     slopes = np.stack([_slope(run, first, name) for name in names]) / run.sigma
     information = slopes @ slopes.T
     if run.case.free:  # in units of the prior's standard deviation
@@ -222,7 +268,8 @@ def _readings(run: Run, first: int, name: str, off: float) -> Array:
     if name in scales:
         state[name] += off * scales[name]
     p = _parameters(_beside(run.plant, name, off), run.case.speed)
-    follow(p[0], state[0], run.t_u, run.u, run.t[first:], NONE, NONE, NONE, NONE, y)
+    late = off * DELAY_KNOWN * TICK if name == "delay" else 0.0
+    follow(p[0], state[0], run.t_u + late, run.u, run.t[first:], NONE, NONE, NONE, NONE, y)
     return y
 
 
@@ -235,8 +282,6 @@ def _beside(plant: Plant, name: str, off: float) -> Plant:
             return plant._replace(zeta=plant.zeta * math.exp(off))
         case "K_L":
             return plant._replace(K_L=plant.K_L + GAIN_KNOWN * K_L * off)
-        case "delay":
-            return plant._replace(delay=plant.delay + DELAY_KNOWN * TICK * off)
         case "load":
-            return plant._replace(load=off * K_L * E_A * plant.omega_n)
+            return plant._replace(load=plant.load + off * K_L * E_A * plant.omega_n)
     return plant
