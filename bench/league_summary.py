@@ -215,7 +215,7 @@ def _against_the_bound(found: Found) -> list[str]:
         pooled = math.sqrt(np.average(squares, weights=counts))
         lines.append(
             f"{name}: RMS of `wave` over the bound is {pooled:.3f}, {len(every)} cases together (at most"
-            f" {GOAL:g} wanted); above that beyond chance in {len(over)}{': ' if over else ''}{'; '.join(over)}."
+            f" {GOAL:g} wanted); above that beyond chance in {len(over)}{': ' * bool(over)}{'; '.join(over)}."
         )
     silent = [_words(case) for case in cases if not of(found, case, "wave")]
     return [*lines, f"No answer of `wave` that is `ok`: {'; '.join(silent)}."] if silent else lines

@@ -10,8 +10,8 @@ import numpy as np
 
 Array = np.ndarray
 
-APART = 0.4
-"""Switches one way that are nearer than this part of the longest gap are chatter of one."""
+APART = 0.1
+"""Switches that are nearer than this part of the longest half cycle are chatter of one."""
 AROUND = 0.125
 """A peak is fitted over this part of the period to either side."""
 
@@ -70,11 +70,12 @@ class Found(NamedTuple):
 
 def last_cycles(t: Array, y: Array, t_u: Array, u: Array, cycles: int) -> Record | None:
     """The newest whole cycles, chatter counted once; None where there are not so many."""
-    middle = 0.5 * (np.min(u) + np.max(u))
-    high = u > middle
-    ups, downs = (
-        _first_of_chatter(t_u[1:][change]) for change in (high[1:] & ~high[:-1], ~high[1:] & high[:-1])
-    )
+    high = u > 0.5 * (np.min(u) + np.max(u))
+    changes = np.flatnonzero(np.diff(high.astype(int))) + 1
+    if len(changes) < 2:
+        return None
+    times, rises = _without_chatter(t_u[changes], high[changes])
+    ups, downs = times[rises], times[~rises]
     if len(ups) < cycles + 1:
         return None
     ups = ups[-cycles - 1 :]
@@ -84,11 +85,13 @@ def last_cycles(t: Array, y: Array, t_u: Array, u: Array, cycles: int) -> Record
     return Record(t, y, t_u, u, ups, np.array([x[0] for x in between]))
 
 
-def _first_of_chatter(times: Array) -> Array:
-    if len(times) < 2:
-        return times
+def _without_chatter(times: Array, rises: Array) -> tuple[Array, Array]:
+    """Switches that last, each at the time at which alone it would give the same mean voltage."""
     gaps = np.diff(times)
-    return times[np.concatenate([[True], gaps > APART * np.max(gaps)])]
+    groups = np.split(np.arange(len(times)), np.flatnonzero(gaps > APART * np.max(gaps)) + 1)
+    kept = [group for group in groups if len(group) % 2]
+    alone = [times[k[-1]] - np.sum(times[k[1::2]] - times[k[:-1:2]]) for k in kept]
+    return np.array(alone), rises[[k[0] for k in kept]]
 
 
 def extremes(record: Record) -> tuple[Array, Array]:

@@ -43,8 +43,9 @@ def states(
 
 
 def in_force(run: Run) -> np.ndarray:
-    """The voltage at the plant from each tick to the next."""
-    return np.concatenate([[0.0] * run.case.delay, run.u])[: len(run.u)]
+    """The voltage at the plant from each tick to the next, unequal gains and the load's share in it."""
+    volts = np.concatenate([[0.0] * run.case.delay, run.u])[: len(run.u)]
+    return volts + run.case.unequal * np.abs(volts) - run.case.load * E_A
 
 
 @lru_cache
@@ -58,7 +59,16 @@ def replayed(case: Case, seed: int) -> tuple[Run, np.ndarray]:
     return run, forced + states(run.plant.zeta, run.plant.omega_n, 0.0 * run.u, scale @ start)
 
 
-@pytest.mark.parametrize("case", PLAIN)
+OTHERS = [
+    {"load": 0.3},
+    {"unequal": -0.3},
+    {"bias": 1 / 3},
+    {"load": 0.1, "bias": -1 / 3},
+    {"two_phase": True},
+]
+
+
+@pytest.mark.parametrize("case", [*PLAIN, *(replace(PLAIN[1], **changes) for changes in OTHERS)])
 def test_a_record_is_the_motion_of_the_plant_written_apart_and_noise(case):
     run, motion = replayed(case, 3)
     left = run.y - motion[:, 0]
@@ -99,6 +109,24 @@ def test_the_bound_is_that_of_the_plant_written_apart(case):
         information[-1, -1] += 1.0
     expected = np.sqrt(np.diag(np.linalg.inv(information))[:2])
     assert accuracy_truth.bound(run, run.t[first]) == pytest.approx(expected, rel=0.02)
+
+
+def test_of_two_phases_one_is_slower_and_each_has_its_cycles():
+    run = make(replace(PLAIN[1], two_phase=True, noise=0.0), 2)
+    second = np.array([row.second for row in run.rows()])
+    ups = np.flatnonzero(np.diff(run.u) > 0.0) + 1
+    periods, phases = np.diff(ups), second[(ups[1:] + ups[:-1]) // 2]
+    turns = np.flatnonzero(np.diff(second))
+    assert len(turns) >= 2
+    assert np.mean(periods[phases]) > 1.2 * np.mean(periods[~phases])
+    assert turns[1] - turns[0] == pytest.approx(3 * np.mean(periods[phases]), rel=0.15)
+
+
+@pytest.mark.parametrize("unknown", [("K_L",), ("delay",), ("K_L", "delay")])
+def test_the_bound_is_wider_where_less_is_known(unknown):
+    run = make(PLAIN[1], 1)
+    begin = run.t[-1] - 4.0 * run.period
+    assert np.all(accuracy_truth.bound(run, begin, unknown) > 2.0 * accuracy_truth.bound(run, begin))
 
 
 def test_a_longer_window_and_less_noise_lower_the_bound():
