@@ -6,7 +6,7 @@ Plants of zeta 0.1-1.5 with noise of 0-2 %, and the design's three plants with d
 unequal gains, swung by a sampled relay in the compiled plant of `sim`. Each seed has a plant, a start and
 noise of its own, and makes three records: under the relay as it is, under one with unequal levels, and under
 one of two phases; each method gets the one that its authors ask for. A method's bound is that of its own
-record, with what it was not told unknown. All methods run in the first 30 runs of a case (10 without noise),
+record, with what it was not told unknown. All methods run in the first 20 runs of a case (10 without noise),
 `wave` alone in the others. `--quick`: three plants, without noise and with 1 %, 10 runs.
 
 Results go to a file, a line for every 10 runs. What it holds is not done again, unless the sources have

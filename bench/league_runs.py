@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from accuracy_cases import TICK, Case
 from accuracy_runs import digest_of, parsed
-from accuracy_truth import CYCLES, E_A, K_L, Run, bound, make
+from accuracy_truth import CYCLES, E_A, K_L, Run, bound, cycles_of, make
 from league_cases import two_phases, unequal_levels
 from league_rivals import TABLE
 from league_rivals.base import Told, last_cycles
@@ -24,13 +24,15 @@ if TYPE_CHECKING:
 
 BLOCK = 10
 """Runs in a line of the file."""
-COMPARED = 3
+COMPARED = 2
 """Blocks of a case with noise in which all methods run; in the others only `wave`."""
 OURS = ("wave", "exact", "two-phase")
 METHODS = (*OURS, "peaks", *TABLE)
 STATES_INTERVALS = OURS
 FAR = 2.0
 """An answer that is off by more than this factor counts as none: of rivals it would decide every mean."""
+FED = 3
+"""Cycles that ours are fed before the last window; those before tell them nothing."""
 NOTHING_KNOWN = ("K_L", "delay")
 
 
@@ -70,7 +72,9 @@ def hear(case: Case, seed: int, compared: bool = True) -> Heard:
 def _of_ours(method: str, run: Run, limit: list[float] | None = None) -> Said:
     """By the daemon's estimator, fed row by row; the bound of its own window unless one is given."""
     estimator = make_estimator(run.settings(method))
-    answers = [answer for row in run.rows() if (answer := estimator.update(row)) is not None]
+    begins = run.t[-1] - (cycles_of(run.case) + FED) * run.period
+    rows = (row for row in run.rows() if row.t >= begins)
+    answers = [answer for row in rows if (answer := estimator.update(row)) is not None]
     last = answers[-1] if answers else None
     begin = last.t - 2.0 * last.lag_s if last and last.lag_s else None
     unknown = NOTHING_KNOWN if run.case.two_phase else ()
