@@ -128,6 +128,25 @@ def test_chatter_is_counted_once():
     assert last_cycles(record.t, record.y, times[:9], levels[:9], 4) is None
 
 
+def test_a_glitch_that_changes_nothing_is_no_switch():
+    record, _ = ideal(0.45)
+    at = 0.5 * (record.ups[0] + record.downs[0])
+    k = int(np.searchsorted(record.t_u, at))
+    times = np.insert(record.t_u, k, [at, at + 2e-4])
+    levels = np.insert(record.u, k, [-E_A, E_A])
+    noisy = last_cycles(record.t, record.y, times, levels, 4)
+    assert (noisy.ups == record.ups).all()
+    assert (noisy.downs == record.downs).all()
+
+
+def test_a_relay_with_unequal_levels_has_them_as_one_to_two():
+    case = unequal_levels(QUICK[1])
+    run = make(case, 1)
+    assert np.unique(run.u) == pytest.approx([-4.0 / 3.0 * E_A, 2.0 / 3.0 * E_A])
+    record = league_runs.cycles(run)
+    assert np.mean(record.downs - record.ups[:-1]) == pytest.approx(2.0 / 3.0 * record.period, rel=0.02)
+
+
 # ---- what is counted
 
 
