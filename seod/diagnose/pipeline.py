@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -36,6 +36,7 @@ from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import Begun, Known, baseline
 from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Found, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
 
@@ -53,9 +54,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
     Progress = Callable[[str, float], None]
-
-MOSTLY_NOISE: Final = 0.7
-"""NRMSE of noise alone from which on nothing can be told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +224,7 @@ def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
     first = begun.best
     base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=way.each)
     plain = simulate_held_out(base.model, base.x, held_out)
-    if plain.floor > MOSTLY_NOISE:
+    if plain.floor > PIPELINE.mostly_noise:
         raise DiagnoseError(
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.left import Plant, left_of, mean_square
@@ -12,6 +12,7 @@ from seod.diagnose.account.repeats import not_repeated, repeats
 from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import Account, Yardstick
+from seod.diagnose.tuning.account import ACCOUNT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Evidence
-
-LOST: Final = 1e3
-"""NRMSE from which on a model has left the recording: of its residual nothing can be told."""
 
 
 class Shown(NamedTuple):
@@ -58,7 +56,11 @@ def accounted(
         base: The baseline's of the same.
     """
     parts, own = left_of(seen, held_out=False), left_of(held, held_out=True)
-    if not own or not mean_square([*parts, *own]) > 0.0 or not max(base.nrmse, seen.nrmse, held.nrmse) < LOST:
+    if (
+        not own
+        or not mean_square([*parts, *own]) > 0.0
+        or not max(base.nrmse, seen.nrmse, held.nrmse) < ACCOUNT.lost
+    ):
         return None, None
     shown = systematic([*parts, *own], held.cut.series, Plant.of(found.model, found.x))
     other = yardstick(seen.cut, held.cut)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
+from seod.diagnose.tuning.account import SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,11 +19,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, Mask
-
-CHANCE: Final = 0.002
-"""Probability with which chance alone passes for something systematic; three ways are asked."""
-PIECES: Final = 24
-"""Parts of all windows whose squared errors are compared, if they are long enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,4 +129,6 @@ def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[M
     root = math.sqrt(len(saved))
     sd = root * float(np.std(saved, ddof=1)) / rows
     score = root * float(np.mean(logs)) / max(float(np.std(logs, ddof=1)), 1e-300)
-    return Share(float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - CHANCE, len(saved) - 1)))
+    return Share(
+        float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - SYSTEMATIC.chance, len(saved) - 1))
+    )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 import numpy as np
 
 from seod.diagnose.fitting.simulate import FOLLOWED, VELOCITY, inside, simulate
+from seod.diagnose.tuning.fitting import BACKLASH_JUMPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
 
-_LONGEST: Final = 20.0
 _SPREAD: Final = 1.0 / 12.0
 """Variance of a place within one interval."""
 
@@ -105,7 +105,7 @@ def softness(record: NDArray[np.void], cut: Cut, start: Array) -> Softness:
     jump = contacts(cut, seen, states).jump
     late = float(square.sum()) / max(float(jump @ jump), 1e-300)
     level = np.sqrt(np.maximum(square / cut.sizes, cut.noise**2))
-    return Softness(1.0 + min(late, _LONGEST), level)
+    return Softness(1.0 + min(late, BACKLASH_JUMPS.longest), level)
 
 
 def sure(record: NDArray[np.void], cut: Cut, seen: Array, states: Array) -> Mask:

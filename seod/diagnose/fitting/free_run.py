@@ -7,7 +7,7 @@ before, come to numbers for the whole; whether these foretell more is asked of r
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
 from seod.diagnose.record.windows import Cut, all_but, segments
 from seod.diagnose.result import FreeRun
+from seod.diagnose.tuning.fitting import FREE_RUN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array
-
-LONGER: Final = 4.0
-"""Factor from one length of windows to the next: a fit to the next begins near enough. Chosen."""
-LEAST_GAIN: Final = 0.05
-"""Part by which the error in one run has to fall, of rows that no fit saw: less is chance. Chosen."""
 
 
 def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> tuple[FreeRun, ...]:
@@ -59,17 +55,17 @@ def fitted_in_one_run(found: Fitted, held_out: Cut, each: Each, ended: Callable[
     """
     rest = all_but(held_out.series, held_out)
     longest = max(float(one.t[-1] - one.t[0]) for one in rest.series)
-    length = LONGER * max(one.window_s for one in rest.series)
+    length = FREE_RUN.longer * max(one.window_s for one in rest.series)
     best = newest = found
     while not ended():
         cut = segments(Cut(rest.series, _whole_series(rest.series)), length)
         start = begun_states(newest.model, newest.x, cut)
         newest = fit(newest.model, cut, newest.x, start, each=each, ended=ended)
-        if _unseen(newest, held_out) < (1.0 - LEAST_GAIN) * _unseen(best, held_out):
+        if _unseen(newest, held_out) < (1.0 - FREE_RUN.least_gain) * _unseen(best, held_out):
             best = newest
         if length >= longest:
             break
-        length *= LONGER
+        length *= FREE_RUN.longer
     return best
 
 

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.least_squares import SETTLING_STEPS, LeastSquares, settle
+from seod.diagnose.fitting.least_squares import LeastSquares, settle
 from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
 from seod.diagnose.record.windows import Cut
-
-ALIKE_WINDOWS: Final = 4.0
-"""Squared error of a window, over the least of all, up to which another window may take its states."""
-SIGN_LOST: Final = 0.5
-"""Part of a sensor's rectifying from which on readings below 0 are shown above it."""
-PLACES_IN_GAP: Final = (0.5, 0.0, 1.0)
-"""In a gap where the load may have been at rest, over it."""
+from seod.diagnose.tuning.fitting import FIT, INITIAL_STATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +46,7 @@ def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Ar
     record = model.record(x)
     gap = float(record["backlash_gap"][0])
     behind = gap > 0.0 and not model.sees_speed
-    unsigned = float(record["rectified_sensor_part"][0]) > SIGN_LOST and not model.sees_speed
+    unsigned = float(record["rectified_sensor_part"][0]) > INITIAL_STATES.sign_lost and not model.sees_speed
     for k, begin, end in _blocks(cut):
         block = Cut(cut.series, ((k, begin, end),))
         rest = measured_places(block)
@@ -112,7 +106,7 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     model, fitted = found.model, found.cut
     record, start = model.record(found.x), measured_places(cut)
     seen, states = inside(record, fitted, found.start)
-    good = np.repeat(found.error <= ALIKE_WINDOWS * np.min(found.error), fitted.sizes)
+    good = np.repeat(found.error <= INITIAL_STATES.alike_windows * np.min(found.error), fitted.sizes)
     phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
     volts, ago = (np.concatenate(each) for each in zip(*phases, strict=True))
     for w, (k, first, _) in enumerate(cut.windows):
@@ -150,9 +144,13 @@ def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
 
     Where in a gap the load was at rest shows until it has been at both flanks, beside friction for long.
     """
-    places = PLACES_IN_GAP if model.record(x)["backlash_gap"][0] > 0.0 else PLACES_IN_GAP[:1]
+    places = (
+        INITIAL_STATES.places_in_gap
+        if model.record(x)["backlash_gap"][0] > 0.0
+        else INITIAL_STATES.places_in_gap[:1]
+    )
     start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)
-    return settle(model, cut, x, start, cut.good, most=SETTLING_STEPS)
+    return settle(model, cut, x, start, cut.good, most=FIT.settling_steps)
 
 
 def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:

@@ -15,6 +15,7 @@ from seod.diagnose.fitting.least_squares import LeastSquares, least_square, weig
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
 from seod.diagnose.result import Parameter
+from seod.diagnose.tuning.fitting import UNCERTAINTY
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
 
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from sim.effects import Parameter as EffectParameter
 
 SD_OF_95: Final = 1.96
-FEWEST_BLOCKS: Final = 24
-"""Pieces of the held-out windows that are compared, at least."""
-NEAR_LIMIT: Final = 1e-6
-"""Part of a searched number's range at whose ends it counts as being there."""
-_STEP: Final = 1e-4
 
 
 def covariance(found: Fitted) -> Array:
@@ -131,9 +127,9 @@ def _limits(found: Fitted) -> list[tuple[str, float]]:
     out = []
     for x, c in zip(found.x, found.model.coordinates, strict=True):
         low, high = c.bounds
-        if high - x < NEAR_LIMIT * (high - low):
+        if high - x < UNCERTAINTY.near_limit * (high - low):
             out.append((c.place, math.inf if _null(c.place) == math.inf else math.nan))
-        elif x - low < NEAR_LIMIT * (high - low):
+        elif x - low < UNCERTAINTY.near_limit * (high - low):
             out.append((c.place, 0.0 if _null(c.place) == 0.0 and c.low >= 0.0 else math.nan))
     return out
 
@@ -152,12 +148,12 @@ def _slope(found: Fitted, name: str, of: str) -> Array:
         values = []
         for sign in (1.0, -1.0):
             x = found.x.copy()
-            x[k] += sign * _STEP
+            x[k] += sign * UNCERTAINTY.derivative_step
             values.append(grouped(found.model.values(x))[name][of])
         change = values[0] - values[1]
         if of == "phase":
             change = math.remainder(change, 2.0 * math.pi)
-        slope[k] = change / (2.0 * _STEP)
+        slope[k] = change / (2.0 * UNCERTAINTY.derivative_step)
     return slope
 
 
@@ -173,7 +169,7 @@ def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
 
     Times the number of causes that were `tried` (Bonferroni): the best of many gains by chance.
     """
-    pieces = max(1, math.ceil(FEWEST_BLOCKS / len(without.cut.windows)))
+    pieces = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
     difference = _block_logs(without, pieces) - _block_logs(with_it, pieces)
     if len(difference) < 3 or not np.ptp(difference) > 0.0:
         return 1.0

@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.record.fourth_differences import CORRELATED, NORM, slopes
+from seod.diagnose.tuning.record import TIMING_JITTER
 
 if TYPE_CHECKING:
     from seod.diagnose.record.fourth_differences import Stencils
     from seod.diagnose.result import Array
-
-SIGNIFICANT: Final = 6.0
-"""Standard deviations by which the error must grow with the slope."""
-LEAST_SHARE: Final = 0.3
-"""Of the samples' mean squared error that must come from it: less is nobody's trouble."""
-FEWEST_DIFFERENCES: Final = 200
-"""Differences without which nothing is looked for."""
-MEDIAN_GROWTH: Final = 0.6
-"""Part of the growth that the medians must show too."""
-ALTERNATING: Final = -0.65
-"""Correlation of neighbouring differences, at most."""
-_EVENTS: Final = 25.0
-"""Squared differences over the expected ones beyond which they are corners of the signal."""
-_ROUNDS: Final = 8
 
 
 class Jitter(NamedTuple):
@@ -53,10 +40,10 @@ def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
     steep = np.sum(found.weights**2 * slope, axis=1) / NORM**2
     steepness, square = steep[found.usable], found.difference[found.usable] ** 2 / NORM**2
     scale = float(np.mean(steepness)) if len(steepness) else 0.0
-    if len(square) < FEWEST_DIFFERENCES or scale == 0.0:
+    if len(square) < TIMING_JITTER.fewest_differences or scale == 0.0:
         return Jitter()
     level, growth, sd = _line(steepness / scale, square)
-    if not growth > SIGNIFICANT * sd or growth < LEAST_SHARE * (level + growth):
+    if not growth > TIMING_JITTER.significant * sd or growth < TIMING_JITTER.least_share * (level + growth):
         return Jitter()
     if not _grows(steepness / scale, square, level, growth) or not _alternates(found, steep):
         return Jitter()
@@ -68,9 +55,9 @@ def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
 def _line(x: Array, square: Array) -> tuple[float, float, float]:
     """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
     level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
-    for _ in range(_ROUNDS):
+    for _ in range(TIMING_JITTER.rounds):
         expected = np.maximum(level + growth * x, 1e-3 * max(level, growth) + 1e-300)
-        near = square < _EVENTS * expected
+        near = square < TIMING_JITTER.events * expected
         a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]
         normal = np.linalg.pinv(a.T @ a)
         level, growth = (max(float(each), 0.0) for each in normal @ (a.T @ (square[near] / expected[near])))
@@ -86,7 +73,7 @@ def _grows(x: Array, square: Array, level: float, growth: float) -> bool:
         return False
     wanted = np.median(level + growth * x[steep]) / max(float(np.median(level + growth * x[flat])), 1e-300)
     seen = np.median(square[steep]) / max(float(np.median(square[flat])), 1e-300)
-    return bool(seen - 1.0 > MEDIAN_GROWTH * (wanted - 1.0))
+    return bool(seen - 1.0 > TIMING_JITTER.median_growth * (wanted - 1.0))
 
 
 def _alternates(found: Stencils, steepness: Array) -> bool:
@@ -98,4 +85,4 @@ def _alternates(found: Stencils, steepness: Array) -> bool:
     pairs &= steepness[1:] > np.quantile(steepness, 2.0 / 3.0)
     scaled = found.difference / np.sqrt(steepness + float(np.mean(steepness)))
     before, behind = scaled[:-1][pairs], scaled[1:][pairs]
-    return bool(before @ behind < ALTERNATING * 0.5 * (before @ before + behind @ behind))
+    return bool(before @ behind < TIMING_JITTER.alternating * 0.5 * (before @ before + behind @ behind))

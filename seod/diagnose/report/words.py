@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from seod.diagnose.causes.table import CAUSES, sentence
-from seod.diagnose.fitting.held_out import ADEQUATE
 from seod.diagnose.report.units import Units
+from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
@@ -56,7 +56,7 @@ def headline(d: Diagnosis) -> str:
 def _all_of(d: Diagnosis, what: str) -> str:
     """How far nothing relevant is left of it."""
     account = d.account
-    if account is None or d.adequacy < ADEQUATE:
+    if account is None or d.adequacy < HELD_OUT.adequate:
         return f"{what} down to its noise"
     if account.systematic > 0.0:
         return f"{what} but for {percent(account.systematic_nrmse)}, which is less than what counts"

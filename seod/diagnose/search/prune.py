@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.initial_states import begun_states
@@ -10,6 +10,7 @@ from seod.diagnose.fitting.judged import Judged, gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, reaches_null
 from seod.diagnose.search.refine import refined
+from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
     Tried = Mapping[frozenset[str], Fitted]
-
-LEAST_SHARE: Final = 5e-4
-"""Of the baseline's squared error above the noise that has to come back without an effect: less is 0 %."""
 
 
 def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged:
@@ -103,7 +101,8 @@ def _untold(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judge
     return [
         one
         for name, one in rest.items()
-        if one.held.nrmse**2 - own.held.nrmse**2 < LEAST_SHARE * above or _may_be_none(own, name, spread)
+        if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
+        or _may_be_none(own, name, spread)
     ]
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from seod.diagnose.record.windows import Cut, sample, sparse
 from seod.diagnose.starts.relay.grid import grid_plants
+from seod.diagnose.tuning.search import SCREEN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
 
 One = TypeVar("One")
 Made = TypeVar("Made")
-PROBED_S: Final = 3.0
-"""Of windows on which every start is tried."""
-OUTSTANDING_ERROR: Final = 4.0
-"""Squared error in a window over the most in those, from which on it is one of them."""
-SCREENED_S: Final = 6.0
-"""Of windows on which the better causes are fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +63,7 @@ class Screen:
             return self
         square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
         worst = max(windows, key=lambda one: square[one])
-        if square[worst] < OUTSTANDING_ERROR * max(square[one] for one in few):
+        if square[worst] < SCREEN.outstanding_error * max(square[one] for one in few):
             return self
         some = [k for k, one in enumerate(windows) if one == worst or one in self.cut.windows]
         at = windows.index(worst)
@@ -84,8 +79,8 @@ class Screen:
 
 def screen(every: Cut, each: Each, budget: Budget) -> Screen:
     """Windows for trying causes, chosen from all windows to fit."""
-    cut = sparse(sample(every, SCREENED_S))
-    count = max(2, round(len(cut.windows) * PROBED_S / SCREENED_S))
+    cut = sparse(sample(every, SCREEN.screened_s))
+    count = max(2, round(len(cut.windows) * SCREEN.probed_s / SCREEN.screened_s))
     few = np.unique(np.linspace(0, len(cut.windows) - 1, count).round().astype(int))
     since = budget.clock()
     begun = grid_plants(cut) if every.relayed else ()

@@ -7,28 +7,22 @@ whole recording it cannot. Simulations of it take long, so each start of a cause
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import begun_from, further_causes, group
 from seod.diagnose.causes.table import remote as far
 from seod.diagnose.fitting.least_squares import Fitted, fit
-from seod.diagnose.search.beam import MOST_EFFECTS, as_well
+from seod.diagnose.search.beam import as_well
 from seod.diagnose.search.first_order_gain import Ahead, Promise
 from seod.diagnose.search.race import imitates
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
+from seod.diagnose.tuning.search import BEAM, WHOLE_RECORDINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from seod.diagnose.search.screen import Screen
-
-FITTED_CAUSES: Final = 3
-"""Causes that are fitted, of those that promise most."""
-FINISHED_CAUSES: Final = 2
-"""Of them, and of those from far, that are fitted to the end."""
-LEAST_SAVING: Final = 0.2
-"""Mean log squared error that one more effect has to save."""
 
 
 def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
@@ -40,11 +34,15 @@ def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
         over: Tells when there is no time for more.
     """
     grown = [begun]
-    while len(grown[-1].model.names) < MOST_EFFECTS and not over():
+    while len(grown[-1].model.names) < BEAM.most_effects and not over():
         parent = grown[-1]
         more = further_causes(parent.model.scales, parent.model.names)
-        best = promising(parent, more, screen)[:FITTED_CAUSES] + remote(parent, more)
-        saving = (one for one in _fitted(best, parent, screen, over) if one.cost < parent.cost - LEAST_SAVING)
+        best = promising(parent, more, screen)[: WHOLE_RECORDINGS.fitted_causes] + remote(parent, more)
+        saving = (
+            one
+            for one in _fitted(best, parent, screen, over)
+            if one.cost < parent.cost - WHOLE_RECORDINGS.least_saving
+        )
         found = next((one for one in saving if shown(parent, one, screen)), None)
         if found is None:
             break
@@ -78,7 +76,10 @@ def _fitted(
 
     begun = [one for one in screen.each(tried, best) if not imitates(one, screen.every)]
     begun.sort(key=_cost)
-    done = [*screen.each(finished, begun[:FINISHED_CAUSES]), *begun[FINISHED_CAUSES:]]
+    done = [
+        *screen.each(finished, begun[: WHOLE_RECORDINGS.finished_causes]),
+        *begun[WHOLE_RECORDINGS.finished_causes :],
+    ]
     return sorted((one for one in done if not imitates(one, screen.every)), key=_cost)
 
 

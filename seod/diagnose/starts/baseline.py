@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import dominant_hz
 from seod.diagnose.record.windows import Cut, sample, segments, undivided
-from seod.diagnose.starts.sizes import LEAST_SIZE
+from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,27 +26,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Each, Fitted
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
-
-GRID_DAMPINGS: Final = (0.1, 0.4, 1.2, 5.0)
-GRID_FREQUENCIES: Final = 14
-LOWEST_FREQUENCY: Final = 0.3
-"""Searched frequency over the dominant one, at least; half a period is in each window, too."""
-KEPT_POINTS: Final = 3
-"""Cells of the grid from which the search goes on."""
-GRID_S: Final = 3.0
-"""Of windows in which the grid is searched."""
-ABOVE_LIMIT_CYCLE: Final = 1.2
-LIMIT_CYCLE_DAMPING: Final = 0.3
-"""Natural frequency over the limit cycle's, which delay and backlash make slower; and damping."""
-SLOWEST_PLANT: Final = 2.0
-"""Natural frequency [rad/s] that is searched at least, while neither movement nor samples are slow."""
-SLOW_MOVEMENT: Final = 0.5
-"""Dominant frequency over that, up to which a movement is slow; then `LOWEST_FREQUENCY` holds."""
-SLOWEST_TICKS: Final = 2e-3
-"""The same times the sampling interval, at most: at 1 kHz and above `SLOWEST_PLANT` holds."""
-SHORT_SEGMENT_S: Final = 0.25
-SHORT_SEGMENT_ROWS: Final = 100
-"""Least length of the short segments [s, samples]."""
 
 
 class Begun(NamedTuple):
@@ -91,11 +70,13 @@ def baseline(
 ) -> Begun:
     """Search for Eq. 1 from a grid of natural frequencies and damping ratios; K_L may be known (`gain`)."""
     fixed = Known(effects, gain)
-    few = sample(cut, GRID_S)
-    short = segments(few, max(SHORT_SEGMENT_S, SHORT_SEGMENT_ROWS * max(one.tick for one in cut.series)))
-    points = _grid(short, sees_speed, fixed, each)[:KEPT_POINTS]
+    few = sample(cut, BASELINE.windows_s)
+    short = segments(
+        few, max(BASELINE.short_segment_s, BASELINE.short_segment_rows * max(one.tick for one in cut.series))
+    )
+    points = _grid(short, sees_speed, fixed, each)[: BASELINE.kept_points]
     local = min(each(lambda point: _biased(point, short), points), key=lambda one: one.cost)
-    starts = [local, *_grid(few, sees_speed, fixed, each)[: KEPT_POINTS - 1]]
+    starts = [local, *_grid(few, sees_speed, fixed, each)[: BASELINE.kept_points - 1]]
     found: list[Fitted] = list(each(lambda point: _plain(point, cut), starts))
     near = unchanged(*_begun(local, cut), cut)
     best = min(found, key=lambda one: one.cost)
@@ -108,8 +89,10 @@ def baseline(
 
 def _swung(cut: Cut, sees_speed: bool, fixed: Known) -> Fitted:
     at = cut.series[cut.windows[0][0]]
-    omega = ABOVE_LIMIT_CYCLE * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
-    return unchanged(*_begun(_grid_point(cut, sees_speed, fixed, (omega, LIMIT_CYCLE_DAMPING)), cut), cut)
+    omega = BASELINE.above_limit_cycle * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+    return unchanged(
+        *_begun(_grid_point(cut, sees_speed, fixed, (omega, BASELINE.limit_cycle_damping)), cut), cut
+    )
 
 
 def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
@@ -133,9 +116,9 @@ def _grid(cut: Cut, sees_speed: bool, fixed: Known, each: Each) -> list[_GridPoi
     """A grid over omega_n and zeta, K_L and a load bias solved for in each point; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
-    slowest = max(LOWEST_FREQUENCY * omega, _slowest(cut))
-    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), GRID_FREQUENCIES)
-    points = product(frequencies.tolist(), GRID_DAMPINGS)
+    slowest = max(BASELINE.lowest_frequency * omega, _slowest(cut))
+    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), BASELINE.frequencies)
+    points = product(frequencies.tolist(), BASELINE.dampings)
     return sorted(each(lambda at: _grid_point(cut, sees_speed, fixed, at), points), key=lambda one: one.cost)
 
 
@@ -159,7 +142,7 @@ def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
 def _rough(cut: Cut, omega_n: float) -> Scales:
     """Sizes as far as the samples alone show them."""
     y = cut.gathered("y")[cut.good]
-    size = max(float(np.std(y)), LEAST_SIZE)
+    size = max(float(np.std(y)), SIZES.least)
     tick = max(one.tick for one in cut.series)
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
     relayed = cut.relayed
@@ -170,8 +153,12 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
 def _slowest_searched(cut: Cut) -> float:
     """Natural frequency that is searched, at least [rad/s]: of slow plants and slow samples it is less."""
     moves = min(2.0 * math.pi / one.period_s for one in cut.series)
-    slowest = SLOWEST_PLANT if moves > SLOW_MOVEMENT * SLOWEST_PLANT else LOWEST_FREQUENCY * moves
-    return max(min(slowest, SLOWEST_TICKS / max(one.tick for one in cut.series)), _slowest(cut))
+    slowest = (
+        BASELINE.slowest_plant
+        if moves > BASELINE.slow_movement * BASELINE.slowest_plant
+        else BASELINE.lowest_frequency * moves
+    )
+    return max(min(slowest, BASELINE.slowest_ticks / max(one.tick for one in cut.series)), _slowest(cut))
 
 
 def _slowest(cut: Cut) -> float:

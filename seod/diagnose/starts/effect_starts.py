@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,16 +14,11 @@ from seod.diagnose.fitting.least_squares import Fitted, settle
 from seod.diagnose.fitting.simulate import POSITION, inside
 from seod.diagnose.starts.lines import lines, wave_starts
 from seod.diagnose.starts.unsigned import unsigned_starts
+from seod.diagnose.tuning.starts import EFFECT_STARTS
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
-
-
-LITTLE_DAMPED: Final = 0.3
-"""Damping below which a plant's own swinging may be a disturbance."""
-OTHER_PLANT: Final = 0.3
-"""Difference of the logarithm of omega_n or zeta from which on plants are others."""
 
 
 def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
@@ -45,11 +40,17 @@ def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...
     """
     values = parent.model.values(parent.x)
     own = values["omega_n"]
-    if values["zeta"] >= LITTLE_DAMPED:
+    if values["zeta"] >= EFFECT_STARTS.little_damped:
         return ()
-    damped = replace(parent, x=parent.model.searched(values | {"zeta": LITTLE_DAMPED}))
-    near = [line for line in _lines_left(damped, SHAKES, cut) if abs(math.log(line / own)) < OTHER_PLANT]
-    return tuple(one | {"zeta": LITTLE_DAMPED} for one in wave_starts(SHAKES, [own, *near[:1]], size))
+    damped = replace(parent, x=parent.model.searched(values | {"zeta": EFFECT_STARTS.little_damped}))
+    near = [
+        line
+        for line in _lines_left(damped, SHAKES, cut)
+        if abs(math.log(line / own)) < EFFECT_STARTS.other_plant
+    ]
+    return tuple(
+        one | {"zeta": EFFECT_STARTS.little_damped} for one in wave_starts(SHAKES, [own, *near[:1]], size)
+    )
 
 
 def _lines_left(parent: Fitted, name: str, cut: Cut) -> list[float]:

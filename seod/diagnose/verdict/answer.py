@@ -11,12 +11,14 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.fitting.free_run import free_runs
-from seod.diagnose.fitting.held_out import ADEQUATE, nrmse, wholes
+from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
+from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
 from seod.diagnose.verdict.unexplained import left_by_fits, systematic_part, unexplained
@@ -34,9 +36,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.beam import Grown
     from seod.diagnose.verdict.effects import Chosen
 
-OUTLIER_BEYOND: Final = 4.0
-MOST_OUTLIERS: Final = 0.03
-"""Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
 RARE: Final = (
     "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
     "tried out. A longer recording, in which it happens again, tells more"
@@ -97,7 +96,7 @@ def answered(
     left, rare = _left_over(found, base)
     held = found.chosen.held
     account, yardstick = accounted(found.chosen.over_all, best, held, found.held)
-    if not rare and held.adequacy >= ADEQUATE:
+    if not rare and held.adequacy >= HELD_OUT.adequate:
         left = systematic_part(left, account, held.nrmse, relevance)
     defects = _record_effects(checked, found.chosen.held, best)
     for shown in _by_samples(checked):
@@ -156,10 +155,10 @@ def trimmed(found: Found) -> Found:
 def _near(held: HeldOut) -> Mask:
     """Rows that count, but for those far off, if these are few."""
     noise = np.repeat(held.cut.floor, held.cut.sizes)
-    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= OUTLIER_BEYOND * noise)
+    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= ANSWER.outlier_beyond * noise)
     return (
         near
-        if np.count_nonzero(near) >= (1.0 - MOST_OUTLIERS) * np.count_nonzero(held.scored)
+        if np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
         else held.scored
     )
 
