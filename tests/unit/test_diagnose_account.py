@@ -10,9 +10,9 @@ from scipy.signal import lfilter
 
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.grade import graded
-from seod.diagnose.account.left import Left, Plant, mean_square
 from seod.diagnose.account.noise_colour import colour
 from seod.diagnose.account.repeats import not_repeated, repeats
+from seod.diagnose.account.residual import Plant, WindowResidual, mean_square
 from seod.diagnose.account.yardstick import yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
@@ -74,7 +74,9 @@ def parts_of(u, error, states, count=8):
     t, n = np.arange(N) / RATE, N // count
     scored = np.arange(n) >= n // 5
     return [
-        Left(0, t[a : a + n], u[a : a + n], error[a : a + n], scored, *states[:, a : a + n], bool(k % 2))
+        WindowResidual(
+            0, t[a : a + n], u[a : a + n], error[a : a + n], scored, *states[:, a : a + n], bool(k % 2)
+        )
         for k, a in enumerate(range(0, N, n))
     ]
 

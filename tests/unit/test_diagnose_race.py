@@ -159,7 +159,7 @@ def test_a_race_leaves_out_what_it_has_no_time_for(late):
 
     budget = Budget(lambda: now[0], 100.0)
     among = ["valve_lag", "load_bias", "coulomb_friction", "backlash"]
-    hurried = replace(screened, each=each, budget=budget)
+    hurried = replace(screened, parallel=each, budget=budget)
     names = [name for name in group_names(parent) if name not in among]
     found = extended(hurried, [parent], names)
     assert found[0].model.names == ("valve_lag",)

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from seod.diagnose.account.left import compared
 from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.residual import compared
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left, Plant, Share
+    from seod.diagnose.account.residual import Plant, Share, WindowResidual
     from seod.diagnose.result import Array
 
 
@@ -34,10 +34,10 @@ class Foretold(NamedTuple):
     """
 
     share: Share
-    rest: list[Left]
+    rest: list[WindowResidual]
 
 
-def foretold(parts: Sequence[Left], plant: Plant) -> Foretold | None:
+def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
@@ -92,7 +92,7 @@ def _gain(products: Sequence[Array], weights: Array) -> float:
     return sum(float(2.0 * x @ own[:-1, -1] - x @ own[:-1, :-1] @ x) for own, x in pairs)
 
 
-def sizes_of(parts: Sequence[Left]) -> dict[str, float]:
+def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
     """Largest values over all windows."""
     names = ("u", "pressure", "velocity", "position")
     return {
@@ -100,7 +100,7 @@ def sizes_of(parts: Sequence[Left]) -> dict[str, float]:
     }
 
 
-def _columns(one: Left, plant: Plant, sizes: dict[str, float]) -> Array:
+def _columns(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array:
     """All terms and the residual, without what a state at the window's beginning would do; (n, p + 1)."""
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))

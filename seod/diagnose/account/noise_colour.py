@@ -14,7 +14,7 @@ from seod.diagnose.tuning.account import NOISE_COLOUR
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.result import Array
 
 
@@ -38,7 +38,7 @@ class NoiseColour:
         return len(self.memory)
 
 
-def colour(parts: Sequence[Left]) -> NoiseColour:
+def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
     """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse."""
     runs = [one.error[one.scored] - np.mean(one.error[one.scored]) for one in parts]
     sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from seod.diagnose.account.left import Share
+from seod.diagnose.account.residual import Share
 from seod.diagnose.record.command_period import command_period_s, finer_period_s, relay_period_s, rises
 from seod.diagnose.tuning.account import REPEATS, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Rows
     from seod.diagnose.result import Array
@@ -40,7 +40,7 @@ class Cycle(NamedTuple):
         return np.where(turns < 0.0, -1, part)
 
 
-def repeats(every: Sequence[Series], parts: Sequence[Left]) -> Share | None:
+def repeats(every: Sequence[Series], parts: Sequence[WindowResidual]) -> Share | None:
     """Mean product of the residuals of different windows at the same phase; None where no command repeats.
 
     A parabola is taken off each window: what drifts does not count. Of noise, whatever its colour, the mean
@@ -78,7 +78,7 @@ def cycle(one: Series) -> Cycle | None:
     return Cycle(begins, int(min(max(period / one.tick, REPEATS.fewest_bins), REPEATS.most_bins)))
 
 
-def profile(one: Left, of: Cycle) -> Array:
+def profile(one: WindowResidual, of: Cycle) -> Array:
     """Mean residual of a window over the phase, a parabola taken off; shape (bins,), nan without a row."""
     index = of.place(one.t)
     rows = np.flatnonzero(one.scored & (index >= 0))
@@ -91,7 +91,7 @@ def profile(one: Left, of: Cycle) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def not_repeated(every: Sequence[Series], parts: Sequence[Left]) -> list[Left]:
+def not_repeated(every: Sequence[Series], parts: Sequence[WindowResidual]) -> list[WindowResidual]:
     """The same without the mean of the other windows at the same phase, where there are such."""
     cycles = [cycle(one) for one in every]
     profiles = [None if (of := cycles[one.file]) is None else profile(one, of) for one in parts]

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import lfilter, lfiltic
 
-from seod.diagnose.account.left import compared
+from seod.diagnose.account.residual import compared
 from seod.diagnose.fitting.held_out import nrmse
 from seod.diagnose.tuning.account import SYSTEMATIC, YARDSTICK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Share
+    from seod.diagnose.account.residual import Share
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.record.windows import Cut, Rows
     from seod.diagnose.result import Array, Mask

@@ -31,10 +31,10 @@ def measured_places(cut: Cut) -> Array:
     return start
 
 
-def travelled(one: Series) -> Array:
+def travelled(recording: Series) -> Array:
     """Positions by the integral of a speed, from 0, shape (n,)."""
-    y = np.interp(one.t, one.t[one.good], one.y[one.good])
-    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
+    y = np.interp(recording.t, recording.t[recording.good], recording.y[recording.good])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(recording.t))])
 
 
 def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
@@ -74,13 +74,13 @@ def _blocks(cut: Cut) -> list[tuple[int, int, int]]:
     ]
 
 
-def carried_states(found: Fitted, cut: Cut) -> Array:
+def carried_states(fitted: Fitted, cut: Cut) -> Array:
     """Initial states of other windows by going on from the fitted ones before them, shape (w, 7).
 
     A sensor's ripple may have several places for one reading: where the load is, its past tells.
     """
-    record = found.model.record(found.x)
-    start, begins = measured_places(cut), _begins(found, cut.series)
+    record = fitted.model.record(fitted.x)
+    start, begins = measured_places(cut), _begins(fitted, cut.series)
     for (k, row), state in begins.items():
         last = next((b for a, b in cut.series[k].blocks if a <= row < b), len(cut.series[k].t))
         end = min((b for of, b in begins if of == k and row < b < last), default=last - 1)
@@ -119,18 +119,18 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _phases(one: Series, t: Array) -> tuple[Array, Array]:
+def _phases(recording: Series, t: Array) -> tuple[Array, Array]:
     """Commands at these times, and for how long they have been given."""
-    told = np.flatnonzero(np.diff(one.u, prepend=np.nan) != 0.0)
-    last = told[np.maximum(np.searchsorted(one.t_u[told], t, "right") - 1, 0)]
-    return one.u[last], t - one.t_u[last]
+    changes = np.flatnonzero(np.diff(recording.u, prepend=np.nan) != 0.0)
+    last = changes[np.maximum(np.searchsorted(recording.t_u[changes], t, "right") - 1, 0)]
+    return recording.u[last], t - recording.t_u[last]
 
 
-def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
+def _begins(fitted: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
     """Fitted states by recording and row, the rows counted as in these series."""
     return {
-        (k, int(np.searchsorted(series[k].t, found.cut.series[k].t[first]))): state
-        for (k, first, _), state in zip(found.cut.windows, found.start, strict=True)
+        (k, int(np.searchsorted(series[k].t, fitted.cut.series[k].t[first]))): state
+        for (k, first, _), state in zip(fitted.cut.windows, fitted.start, strict=True)
     }
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, Mask
 
-    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+    ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def fit(
     x: Array,
     start: Array,
     most: int = FIT.most_steps,
-    each: Each = map,
+    parallel: ParallelMap = map,
     free: Mask | None = None,
     ended: Callable[[], bool] = lambda: False,
     enough: float = FIT.least_improvement,
@@ -77,9 +77,9 @@ def fit(
     improves the mean log error by less than `enough` is the last.
     """
     free = np.ones(len(x), np.bool_) if free is None else free
-    search = LeastSquares(model, cut, each, free)
+    search = LeastSquares(model, cut, parallel, free)
     if np.any(cut.slack > 0.0) and most > 1:
-        near = LeastSquares(model, rounded(cut), each, free).run(x, start, most // 2, ended)
+        near = LeastSquares(model, rounded(cut), parallel, free).run(x, start, most // 2, ended)
         most -= most // 2
         if search.costs(near.x, near.start) < search.costs(x, start):
             x, start = near.x, near.start
@@ -105,10 +105,10 @@ class Place(NamedTuple):
 class LeastSquares:
     """A search under way: what is measured, and what is free."""
 
-    def __init__(self, model: Model, cut: Cut, each: Each, free: Mask) -> None:
-        self.model, self.cut, self.each = model, cut, each
+    def __init__(self, model: Model, cut: Cut, parallel: ParallelMap, free: Mask) -> None:
+        self.model, self.cut, self.parallel = model, cut, parallel
         self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
-        self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
+        self.count = np.array([np.count_nonzero(self.good[rows]) for rows in self.slices])
         self.floor = least_square(cut)
         self.soft: Softness | None = None
         low, high = model.bounds
@@ -210,7 +210,7 @@ class LeastSquares:
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
         residual = np.where(self.good, _weighted(self.record(x), self.cut, start, self.soft), 0.0)
-        square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
+        square = np.array([float(residual[rows] @ residual[rows]) for rows in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
     def better(self, at: Place, step: Array, states: Array) -> Place | None:
@@ -244,7 +244,7 @@ class LeastSquares:
         sizes = np.minimum(sizes, FIT.state_step_part * ranges)
         steps = np.where(x + FIT.derivative_step > self.high, -FIT.derivative_step, FIT.derivative_step)
         trials = self._trials(x, start, sizes, steps)
-        others = self.each(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
+        others = self.parallel(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
         divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
         columns = [
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
@@ -253,9 +253,7 @@ class LeastSquares:
         if LOOSE in states:
             self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
         weights = 1.0 / (error + self.floor)
-        products = [
-            w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
-        ]
+        products = [w * (every[rows].T @ every[rows]) for w, rows in zip(weights, self.slices, strict=True)]
         table = Table(every, weights, self.slices)
         prior = (sizes / ranges)[states] ** 2
         return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
@@ -289,7 +287,10 @@ class LeastSquares:
 
 def rounded(cut: Cut) -> Cut:
     """The same, rounding as white noise: from afar it leads to the right place, not quite into it."""
-    every = [replace(one, slack=0.0, level=one.noise, allowed=one.noise) for one in cut.series]
+    every = [
+        replace(recording, slack=0.0, level=recording.noise, allowed=recording.noise)
+        for recording in cut.series
+    ]
     return Cut(every, cut.windows)
 
 
@@ -317,5 +318,5 @@ def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int
     """Initial states fitted to these `rows` only, the parameters given; shape (w, 7)."""
     search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows
-    search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
+    search.count = np.array([np.count_nonzero(search.good[rows]) for rows in search.slices])
     return search.run(x, start, most).start

@@ -60,8 +60,8 @@ class Model:
     def state_sizes(self) -> Array:
         """A small change of each column of an initial state, shape (7,)."""
         s = self.scales
-        reading = s.speed if self.sees_speed else s.swing
-        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading, s.swing]
+        reading = s.speed if self.sees_speed else s.peak_to_peak
+        sizes = [s.pressure, s.speed, s.peak_to_peak, s.speed, s.peak_to_peak, reading, s.peak_to_peak]
         return 1e-3 * np.maximum(sizes, 1e-30)
 
     def values(self, x: Array) -> Values:

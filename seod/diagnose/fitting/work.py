@@ -15,7 +15,7 @@ from seod.diagnose.tuning.fitting import WORK
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+    ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 One = TypeVar("One")
 Made = TypeVar("Made")
@@ -34,7 +34,7 @@ def used_s() -> float:
     return 1e-9 * _used_ns.get()
 
 
-def counted(each: Each) -> Each:
+def counted(parallel: ParallelMap) -> ParallelMap:
     """A map over trials that counts what each of them uses, whatever thread it runs in."""
 
     def mapped(act: Callable[[One], Made], some: Iterable[One]) -> list[Made]:
@@ -47,7 +47,7 @@ def counted(each: Each) -> Each:
             finally:
                 _used_ns.reset(token)
 
-        made = list(each(alone, some))
+        made = list(parallel(alone, some))
         _used_ns.set(begun + sum(used for _, used in made))
         return [what for what, _ in made]
 

@@ -24,12 +24,12 @@ def in_blocks(every: Sequence[Series]) -> list[Series]:
     return [_in_blocks(one, round(part * len(one.t))) if part < 1.0 else one for one in every]
 
 
-def _in_blocks(one: Series, rows: int) -> Series:
+def _in_blocks(recording: Series, rows: int) -> Series:
     """As many blocks as are long enough, of so many rows together."""
-    least = int(SERIES.fewest_windows * one.window_s / one.tick)
+    least = int(SERIES.fewest_windows * recording.window_s / recording.tick)
     count = min(max(rows // max(least, 1), 1), len(MARKS))
     size = max(rows // count, least)
-    if count * size >= len(one.t):
-        return one
+    if count * size >= len(recording.t):
+        return recording
     marks = np.array(MARKS[count - 1]) / max(MARKS[count - 1][-1], 1)
-    return one.searched_in((marks * (len(one.t) - size)).astype(int).tolist(), size)
+    return recording.searched_in((marks * (len(recording.t) - size)).astype(int).tolist(), size)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TYPES: Final = {"position": "type 1: y follows the integral of u", "velocity": "type 0: y follows u itself"}
 
 
-class Told(NamedTuple):
+class UserValues(NamedTuple):
     """What the user tells of a plant.
 
     Attributes:
@@ -46,17 +46,17 @@ class ClosedForm(NamedTuple):
     nrmse: float
 
 
-def closed_form(recordings: Sequence[Recording], output: Output, told: Told) -> ClosedForm:
+def closed_form(recordings: Sequence[Recording], output: Output, given: UserValues) -> ClosedForm:
     """Eq. 1 with an offset, and a delay where none is known, fitted to whole recordings."""
     try:
         records = [
-            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=told.hold).thinned(
+            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=given.hold).thinned(
                 CLOSED_FORM.samples
             )
             for each in recordings
         ]
         with np.errstate(all="ignore"):
-            found = fit(records, Given(told.gain, told.delay))
+            found = fit(records, Given(given.gain, given.delay))
     except (UntoldError, IdentifyError, np.linalg.LinAlgError, ArithmeticError, ValueError):
         return ClosedForm({}, math.inf)
     return (

@@ -17,19 +17,22 @@ if TYPE_CHECKING:
 
 def in_step(cut: Cut, omega: float) -> bool:
     """Whether `omega` [rad/s] is a harmonic of a command, as far as its recording can tell."""
-    return any(_in_step(one, omega) for one in cut.series)
+    return any(_in_step(recording, omega) for recording in cut.series)
 
 
-def _in_step(one: Series, omega: float) -> bool:
-    period, lowest = relay_period_s(one.t, one.u), 1.5  # it may have locked to a disturbance of its frequency
+def _in_step(recording: Series, omega: float) -> bool:
+    period, lowest = (
+        relay_period_s(recording.t, recording.u),
+        1.5,
+    )  # it may have locked to a disturbance of its frequency
     if period is None:
-        period, lowest = command_period_s(one.t, one.u), 0.5
+        period, lowest = command_period_s(recording.t, recording.u), 0.5
     if period is None:
         return False
     order = omega * period / (2.0 * math.pi)
     if not lowest < order < PERIOD.harmonics + 0.5:
         return False
-    return abs(order - round(order)) < min(period / float(one.t[-1] - one.t[0]), 0.5)
+    return abs(order - round(order)) < min(period / float(recording.t[-1] - recording.t[0]), 0.5)
 
 
 def relay_period_s(t: Array, u: Array) -> float | None:

@@ -140,16 +140,16 @@ def examine(recording: Recording) -> Defects:
     spread = late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found)
     off = outliers(found, spread)
     bad[off.rows] = True
-    told = [_missing(times, present), _kept(held)]
+    defects = [_missing(times, present), _kept(held)]
     if off.p_value < 1.0:
-        told.append(_named("outliers", off.values, off.ci95, off.p_value))
+        defects.append(_named("outliers", off.values, off.ci95, off.p_value))
     if late.deviation > 0.0:
         values, ends = {"deviation": late.deviation}, {"deviation": late.ci95}
-        told.append(_named("timing_jitter", values, ends, late.p_value))
+        defects.append(_named("timing_jitter", values, ends, late.p_value))
     error = float(np.mean(spread[found.usable] ** 2)) if late.deviation > 0.0 else 0.0
-    found_ones = tuple(each for each in told if each)
+    seen = tuple(each for each in defects if each)
     taken = None if held is None else held.taken
-    return Defects(bad, found_ones, step, error, off.rows, recording.y[off.rows], taken, tuple(remarks))
+    return Defects(bad, seen, step, error, off.rows, recording.y[off.rows], taken, tuple(remarks))
 
 
 def _kept(held: Held | None) -> Defect | None:
@@ -175,8 +175,8 @@ def _named(
     name: str, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]], p_value: float
 ) -> Defect:
     units = {each.name: each.unit for each in EFFECTS[name].parameters}
-    told = {of: Parameter(value, units[of], ci95[of]) for of, value in values.items()}
-    return Defect(name, told, p_value)
+    shown = {of: Parameter(value, units[of], ci95[of]) for of, value in values.items()}
+    return Defect(name, shown, p_value)
 
 
 def _missing(t: Array, present: Mask) -> Defect | None:

@@ -79,16 +79,16 @@ class Series:
 
     def sparser(self, stride: int) -> Series:
         """Every so manieth sample, and the commands that change something."""
-        told = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
+        changes = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
         kept = self.kept(stride)
         rows = {name: getattr(self, name) for name in ("t", "y", "good", "supply", "warmth")}
         rows = {name: each[kept] if len(each) else each for name, each in rows.items()}
         rows["force"] = _means(self.force, kept)
         blocks = tuple((int(a), int(b)) for a, b in np.searchsorted(kept, self.blocks))
         tick = float(np.median(np.diff(rows["t"])))
-        drive = (self.t_u[told], self.u[told]) if self.drive[0] is self.t_u else self.drive
+        drive = (self.t_u[changes], self.u[changes]) if self.drive[0] is self.t_u else self.drive
         return replace(
-            self, **rows, t_u=self.t_u[told], u=self.u[told], tick=tick, blocks=blocks, drive=drive
+            self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks, drive=drive
         )
 
     def kept(self, stride: int) -> Rows:

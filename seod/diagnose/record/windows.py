@@ -54,7 +54,7 @@ class Cut:
     @property
     def relayed(self) -> bool:
         """Whether a relay gave the commands of all recordings."""
-        return all(one.relayed for one in self.series)
+        return all(recording.relayed for recording in self.series)
 
     @property
     def good(self) -> Mask:
@@ -115,29 +115,31 @@ def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
     return Cut(every, tuple(fitted)), Cut(every, tuple(held))
 
 
-def _windows(one: Series, finer: float) -> list[tuple[int, int]]:
-    pairs = [pair for first, last in one.blocks for pair in _within(one, first, last, finer)]
-    told = [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= WINDOWS.least_samples]
+def _windows(recording: Series, finer: float) -> list[tuple[int, int]]:
+    pairs = [pair for first, last in recording.blocks for pair in _within(recording, first, last, finer)]
+    enough = [(a, b) for a, b in pairs if np.count_nonzero(recording.good[a:b]) >= WINDOWS.least_samples]
     moving = [
-        (a, b) for a, b in told if np.std(one.y[a:b][one.good[a:b]]) > WINDOWS.moving_above_noise * one.noise
+        (a, b)
+        for a, b in enough
+        if np.std(recording.y[a:b][recording.good[a:b]]) > WINDOWS.moving_above_noise * recording.noise
     ]
-    return moving if len(moving) >= SERIES.fewest_windows else told
+    return moving if len(moving) >= SERIES.fewest_windows else enough
 
 
-def can_be_scored(one: Series, first: int, last: int) -> bool:
+def can_be_scored(recording: Series, first: int, last: int) -> bool:
     """Whether a window held out has samples to settle its initial state, and some after them."""
-    t, good = one.t[first:last], one.good[first:last]
+    t, good = recording.t[first:last], recording.good[first:last]
     settles = _in_first(WINDOWS.settling_part, t)
     return bool(np.any(good & settles) and np.any(good & ~settles))
 
 
-def _within(one: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
+def _within(recording: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
     """First and last rows of a block's windows."""
-    t = one.t[first:last]
+    t = recording.t[first:last]
     begin = t[0] + min(WINDOWS.skipped_s, 0.05 * float(t[-1] - t[0]))
-    count = round(finer * max(SERIES.fewest_windows, int((t[-1] - begin) / one.window_s + 1e-6)))
-    edges = np.linspace(begin, t[-1] + 0.5 * one.tick, count + 1)
-    rows = first + np.searchsorted(t, edges - WINDOWS.at_edge * one.tick)
+    count = round(finer * max(SERIES.fewest_windows, int((t[-1] - begin) / recording.window_s + 1e-6)))
+    edges = np.linspace(begin, t[-1] + 0.5 * recording.tick, count + 1)
+    rows = first + np.searchsorted(t, edges - WINDOWS.at_edge * recording.tick)
     return [(int(a), int(b)) for a, b in pairwise(rows)]
 
 
@@ -211,7 +213,7 @@ def sparse(whole: Cut) -> Cut:
     Without their first windows: how a limit cycle grows tells much of a plant that is nearly right, and leads
     astray from any other.
     """
-    strides = [_stride(one) for one in whole.series]
+    strides = [_stride(recording) for recording in whole.series]
     every = [one.sparser(stride) for one, stride in zip(whole.series, strides, strict=True)]
     kept = [one.kept(stride) for one, stride in zip(whole.series, strides, strict=True)]
     windows = tuple((k, _row(kept[k], a), _row(kept[k], b)) for k, a, b in whole.windows)
@@ -228,20 +230,24 @@ def _row(kept: Rows, row: int) -> int:
     return int(np.searchsorted(kept, row))
 
 
-def _stride(one: Series) -> int:
+def _stride(recording: Series) -> int:
     """Samples of a relay's recording of which one is enough: between them the others are as they were.
 
     A limit cycle is smooth; what swings after each switch of slow commands is not.
     """
-    stride = max(1, int(one.period_s / (WINDOWS.samples_a_period * one.tick))) if one.relayed else 1
-    while stride > 1 and not _smooth(one, stride):
+    stride = (
+        max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.tick)))
+        if recording.relayed
+        else 1
+    )
+    while stride > 1 and not _smooth(recording, stride):
         stride //= 2
     return stride
 
 
-def _smooth(one: Series, stride: int) -> bool:
+def _smooth(recording: Series, stride: int) -> bool:
     """Whether every so manieth sample tells the others, but for noise."""
-    rows = np.flatnonzero(one.good)
+    rows = np.flatnonzero(recording.good)
     kept = rows[::stride]
-    error = np.abs(one.y[rows] - CubicSpline(one.t[kept], one.y[kept])(one.t[rows]))
-    return float(np.quantile(error, WINDOWS.mostly)) < WINDOWS.between * one.noise + one.slack
+    error = np.abs(recording.y[rows] - CubicSpline(recording.t[kept], recording.y[kept])(recording.t[rows]))
+    return float(np.quantile(error, WINDOWS.mostly)) < WINDOWS.between * recording.noise + recording.slack

@@ -146,7 +146,7 @@ def _meant(d: Diagnosis) -> Iterator[str]:
         if effect.name in CAUSES:
             yield f"{effect.name}: {sentence(effect.name, effects)}"
     for name in effects:
-        if name in CAUSES and CAUSES[name].beside:
+        if name in CAUSES and CAUSES[name].needs:
             yield f"{name}: {sentence(name, effects)}"
 
 

@@ -85,9 +85,9 @@ def survivors(children: Sequence[Fitted]) -> list[Fitted]:
     ranked = best_of_each(children)
     cost = {frozenset(one.model.names): one.cost for one in ranked}
 
-    def spare(one: Fitted) -> bool:
-        own, plain = frozenset(one.model.names), plain_form(one.model.names)
-        return plain != own and cost.get(plain, math.inf) < one.cost + BEAM.richer_gain
+    def spare(fitted: Fitted) -> bool:
+        own, plain = frozenset(fitted.model.names), plain_form(fitted.model.names)
+        return plain != own and cost.get(plain, math.inf) < fitted.cost + BEAM.richer_gain
 
     beam = [one for one in ranked if not spare(one)][: BEAM.width]
     first = {frozenset(one.model.names): one for one in beam}

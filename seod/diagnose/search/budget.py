@@ -87,12 +87,12 @@ class Budget:
         """Tells when this part of what is left now was used; what is left out then, is missed."""
         over = self._after(part * (self._begin + self.total - self.clock()))
 
-        def told() -> bool:
+        def is_over() -> bool:
             ended = over()
             self.missed |= ended
             return ended
 
-        return told
+        return is_over
 
     def glance(self) -> Callable[[], bool]:
         """Tells when a trial has had its part that follows the search."""

@@ -72,7 +72,7 @@ def _over_whole(
     over = screen.budget.looking()
     for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
         sets += widened(parent, screen, over)[1:]
-    plainly, *judged = screen.each(lambda one: Judged.of(one, held_out), (plain, *sets))
+    plainly, *judged = screen.parallel(lambda one: Judged.of(one, held_out), (plain, *sets))
     return plainly, judged
 
 
@@ -89,24 +89,24 @@ def _looked_at(grown: Grown) -> list[Fitted]:
     return [one for _, one in sorted(some, key=lambda pair: pair[0])]
 
 
-def worse(one: Judged, base: Judged) -> bool:
+def worse(judged: Judged, base: Judged) -> bool:
     """Whether a set simulates windows held out, or the whole recording, worse than the baseline.
 
     One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance.
     """
-    if one.held.rms > base.held.rms:
+    if judged.held.rms > base.held.rms:
         return True
-    return one.held.adequacy > HELD_OUT.adequate and one.whole > base.whole
+    return judged.held.adequacy > HELD_OUT.adequate and judged.whole > base.whole
 
 
 def _least(some: Sequence[Judged], screen: Screen) -> Judged:
     """The one that errs least."""
-    return some[int(np.argmin(list(screen.each(_unseen, some))))]
+    return some[int(np.argmin(list(screen.parallel(_unseen, some))))]
 
 
-def _unseen(one: Judged) -> float:
+def _unseen(judged: Judged) -> float:
     """Log squared errors of windows held out and of one simulation of the whole recording."""
-    return 2.0 * math.log(one.held.nrmse + 1e-300) + 2.0 * math.log(one.whole + 1e-300)
+    return 2.0 * math.log(judged.held.nrmse + 1e-300) + 2.0 * math.log(judged.whole + 1e-300)
 
 
 def plainest(some: Sequence[Fitted]) -> Fitted:

@@ -15,29 +15,35 @@ from seod.diagnose.tuning.fitting import FIT, HELD_OUT
 from seod.diagnose.tuning.search import REFINE
 
 if TYPE_CHECKING:
-    from seod.diagnose.fitting.least_squares import Each
+    from seod.diagnose.fitting.least_squares import ParallelMap
     from seod.diagnose.result import Array
     from seod.diagnose.search.screen import Screen
 
 
-def refined(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
+def refined(fitted: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """The same fitted to all windows."""
-    return _refined(found, cut, screen)
+    return _refined(fitted, cut, screen)
 
 
-def settled(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
+def settled(fitted: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """Likewise, to where hardly anything changes: along a bent valley steps gain little and lead far."""
-    return _refined(found, cut, screen, REFINE.fine_steps, REFINE.fine_improvement)
+    return _refined(fitted, cut, screen, REFINE.fine_steps, REFINE.fine_improvement)
 
 
-def fitted_over_all(found: Fitted, cut: Cut, each: Each) -> Fitted:
+def fitted_over_all(fitted: Fitted, cut: Cut, parallel: ParallelMap) -> Fitted:
     """The same numbers fitted to more windows, from initial states that are settled first."""
     small = segments(cut)
     good = small.good
     small = small.only(k for k, rows in enumerate(small.slices) if good[rows].sum() > REFINE.fewest_samples)
-    start = begun_states(found.model, found.x, small)
+    start = begun_states(fitted.model, fitted.x, small)
     return fit(
-        found.model, small, found.x, start, REFINE.fine_steps, each=each, enough=REFINE.fine_improvement
+        fitted.model,
+        small,
+        fitted.x,
+        start,
+        REFINE.fine_steps,
+        parallel=parallel,
+        enough=REFINE.fine_improvement,
     )
 
 
@@ -48,7 +54,7 @@ def _refined(
 
     def fitted(x: Array, steps: int) -> Fitted:
         start = begun_states(model, x, cut, *known_states(found, cut))
-        return fit(model, cut, x, start, steps, each=screen.each, ended=ended, enough=enough)
+        return fit(model, cut, x, start, steps, parallel=screen.parallel, ended=ended, enough=enough)
 
     best = fitted(found.x, most)
     if not _uneven(best):
@@ -60,7 +66,7 @@ def _refined(
     return min([best, *(fitted(x, REFINE.steps_elsewhere) for x in others)], key=lambda one: one.cost)
 
 
-def _uneven(found: Fitted) -> bool:
+def _uneven(fitted: Fitted) -> bool:
     """Whether it fits some windows and not the others, as another plant of its valley may."""
-    square = found.error / found.cut.allowed**2
+    square = fitted.error / fitted.cut.allowed**2
     return bool(np.min(square) < HELD_OUT.adequate and np.max(square) > REFINE.uneven_errors * np.min(square))

@@ -14,7 +14,7 @@ from seod.diagnose.tuning.search import SCREEN
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.starts.relay.plant import GridPlant
@@ -31,7 +31,7 @@ class Screen:
         every: All windows to fit.
         cut: Some of them.
         few: Fewer still: which of `cut`.
-        each: Maps a function over trials, in parallel.
+        parallel: Maps a function over trials, in parallel.
         budget: What the search may use.
         grid_plants: Plants to begin from, of a relay's recording.
     """
@@ -39,7 +39,7 @@ class Screen:
     every: Cut
     cut: Cut
     few: tuple[int, ...]
-    each: Each
+    parallel: ParallelMap
     budget: Budget
     grid_plants: tuple[GridPlant, ...] = ()
 
@@ -50,8 +50,8 @@ class Screen:
         """
         if len(some) == 1:
             return [act(some[0], self)]
-        alone = replace(self, each=map)
-        return list(self.each(lambda one: act(one, alone), some))
+        alone = replace(self, parallel=map)
+        return list(self.parallel(lambda one: act(one, alone), some))
 
     def watching(self, base: Fitted) -> Screen:
         """With the window of which this leaves by far the most, if not yet: an effect may show in no other.
@@ -59,7 +59,7 @@ class Screen:
         `base` is fitted to all windows. A relay's are alike.
         """
         windows, few = self.every.windows, [self.cut.windows[k] for k in self.few]
-        if any(one.relayed for one in self.every.series):
+        if any(recording.relayed for recording in self.every.series):
             return self
         square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
         worst = max(windows, key=lambda one: square[one])
@@ -77,7 +77,7 @@ class Screen:
         return [one for one in self.grid_plants if one.K_L * sign > 0.0 and one.begins(names)]
 
 
-def screen(every: Cut, each: Each, budget: Budget) -> Screen:
+def screen(every: Cut, parallel: ParallelMap, budget: Budget) -> Screen:
     """Windows for trying causes, chosen from all windows to fit."""
     cut = sparse(sample(every, SCREEN.screened_s))
     count = max(2, round(len(cut.windows) * SCREEN.probed_s / SCREEN.screened_s))
@@ -85,4 +85,4 @@ def screen(every: Cut, each: Each, budget: Budget) -> Screen:
     since = budget.clock()
     begun = grid_plants(cut) if every.relayed else ()
     budget.excuse(since)
-    return Screen(every, cut, tuple(few.tolist()), each, budget, begun)
+    return Screen(every, cut, tuple(few.tolist()), parallel, budget, begun)

@@ -29,11 +29,11 @@ def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
     if CAUSES[name].wave is None:
         return searched.starts
     size = 0.1 * searched.coordinates[0].scale
-    begun = wave_starts(name, _lines_left(parent, name, cut), size)
-    return begun + _where_it_swings(parent, size, cut) if name == SHAKES else begun
+    begun = wave_starts(name, _residual_lines(parent, name, cut), size)
+    return begun + _where_it_oscillates(parent, size, cut) if name == SHAKES else begun
 
 
-def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
+def _where_it_oscillates(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
     """A disturbance where the plant swings, which is then damped: the parent may have taken it for that.
 
     A second one at the largest line near it that this one leaves: where it swings may be a fit of both.
@@ -45,7 +45,7 @@ def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...
     damped = replace(parent, x=parent.model.searched(values | {"zeta": EFFECT_STARTS.little_damped}))
     near = [
         line
-        for line in _lines_left(damped, SHAKES, cut)
+        for line in _residual_lines(damped, SHAKES, cut)
         if abs(math.log(line / own)) < EFFECT_STARTS.other_plant
     ]
     return tuple(
@@ -53,7 +53,7 @@ def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...
     )
 
 
-def _lines_left(parent: Fitted, name: str, cut: Cut) -> list[float]:
+def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     """What the residual of all windows shows of a wave."""
     model, x = parent.model, parent.x
     start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)

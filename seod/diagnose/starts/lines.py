@@ -34,14 +34,14 @@ def lines(wave: Wave, cut: Cut, residual: Array, position: Array, speed: Array |
 
 
 def _over_time(cut: Cut, residual: Array, lowest: int) -> list[float]:
-    tick = min(one.tick for one in cut.series)
+    tick = min(recording.tick for recording in cut.series)
     k = max({of for of, _, _ in cut.windows}, key=lambda of: len(cut.series[of].t))
     one = cut.series[k]
     grid = np.zeros(round(float(one.t[-1] - one.t[0]) / tick) + 2)
-    for (of, first, last), piece in zip(cut.windows, cut.slices, strict=True):
+    for (of, first, last), own in zip(cut.windows, cut.slices, strict=True):
         if of == k:
             rows = np.round((one.t[first:last] - one.t[0]) / tick).astype(int)
-            grid[rows] = residual[piece] - np.mean(residual[piece])
+            grid[rows] = residual[own] - np.mean(residual[own])
     return _peaks(grid, tick, lowest)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
-from seod.diagnose.starts.baseline import Begun, unchanged
+from seod.diagnose.starts.baseline import BaselineFits, unchanged
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 if TYPE_CHECKING:
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from seod.diagnose.record.windows import Cut
 
 
-def hidden_by_offset(begun: Begun, base: Judged, closed: ClosedForm) -> Begun:
+def hidden_by_offset(fits: BaselineFits, base: Judged, closed: ClosedForm) -> BaselineFits:
     """With the plant of Eq. 1 beside an offset and a delay, where it leaves much less than the baseline.
 
     Short segments are spoilt by a delay as the baseline is.
     """
     if not closed.values or closed.nrmse > SEARCH_ROOTS.hidden * base.held.nrmse:
-        return begun
-    near = begun.near
+        return fits
+    near = fits.near
     model = near.model.turned(closed.values["K_L"])
     x = model.searched(closed.values)
-    return begun._replace(closed=unchanged(model, x, near.cut))
+    return fits._replace(closed=unchanged(model, x, near.cut))
 
 
-def search_roots(base: Fitted, begun: Begun, sizes: Scales, cut: Cut) -> list[Fitted]:
+def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> list[Fitted]:
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     found = [less_damped(fit(model, cut, base.x, settled_states(model, base.x, cut)))]
-    for one in filter(None, (begun.closed, begun.near, begun.other)):
+    for one in filter(None, (fits.closed, fits.near, fits.other)):
         other = replace(one.model, scales=sizes)
         start, nothing = settled_states(other, one.x, cut), np.zeros(len(one.x), np.bool_)
         root = less_damped(fit(other, cut, one.x, start, free=nothing))
@@ -57,14 +57,16 @@ def less_damped(root: Fitted) -> Fitted:
         return root
     part = SEARCH_ROOTS.less_damping / values["zeta"]
     x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": SEARCH_ROOTS.less_damping})
-    free = np.array([each.place != "omega_n" for each in root.model.coordinates])
+    free = np.array([coordinate.place != "omega_n" for coordinate in root.model.coordinates])
     found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
     less = found.model.values(found.x)["zeta"] < SEARCH_ROOTS.overdamped_above
     return found if less and found.cost < root.cost + SEARCH_ROOTS.as_good else root
 
 
-def _differ(one: Fitted, other: Fitted) -> bool:
+def _differ(fitted: Fitted, other: Fitted) -> bool:
     """Whether two plants simulate the same windows otherwise, by what they leave of them."""
-    residuals = [weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (one, other)]
+    residuals = [
+        weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (fitted, other)
+    ]
     apart = float(np.linalg.norm(residuals[0] - residuals[1]))
     return apart > SEARCH_ROOTS.different_plant * min(float(np.linalg.norm(each)) for each in residuals)

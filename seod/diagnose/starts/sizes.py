@@ -32,7 +32,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), SIZES.least),
         centre=float(np.mean(places)),
         travel=max(float(np.ptp(places)), SIZES.least),
-        swing=_swing(position, speed, cut),
+        peak_to_peak=_peak_to_peak(position, speed, cut),
         omega_n=omega_n,
         span_s=max(float(one.t[-1] - one.t[0]) for one in used),
         tick_s=max(one.tick for one in used),
@@ -48,17 +48,17 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     )
 
 
-def _places(one: Series) -> Array:
+def _places(recording: Series) -> Array:
     """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
-    places = travelled(one) if one.sees_speed else one.y[one.good]
+    places = travelled(recording) if recording.sees_speed else recording.y[recording.good]
     return np.clip(places, *np.quantile(places, (SIZES.outliers_of_travel, 1.0 - SIZES.outliers_of_travel)))
 
 
-def _swing(position: Array, speed: Array, cut: Cut) -> float:
+def _peak_to_peak(position: Array, speed: Array, cut: Cut) -> float:
     """Median movement from one reversal of the speed to the next; of a speed that has none the travel."""
     moves: list[float] = []
-    for piece in cut.slices:
-        turns = np.flatnonzero(np.diff(np.sign(speed[piece])))
-        moves += np.abs(np.diff(position[piece][turns])).tolist()
-    swing = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
-    return max(swing, SIZES.least)
+    for rows in cut.slices:
+        turns = np.flatnonzero(np.diff(np.sign(speed[rows])))
+        moves += np.abs(np.diff(position[rows][turns])).tolist()
+    moved = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
+    return max(moved, SIZES.least)

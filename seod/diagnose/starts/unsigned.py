@@ -61,7 +61,7 @@ class _Point(NamedTuple):
 
 def _grid(model: Model, wide: Cut) -> Iterator[_Point]:
     """Natural frequencies and damping ratios, each with its best gain."""
-    tick = max(one.tick for one in wide.series)
+    tick = max(recording.tick for recording in wide.series)
     slowest = math.pi / min(float(wide.series[k].t[b - 1] - wide.series[k].t[a]) for k, a, b in wide.windows)
     frequencies = np.geomspace(4.0 * slowest, max(0.6 / tick, 8.0 * slowest), UNSIGNED.frequencies)
     y, good = wide.gathered("y"), wide.good
@@ -112,8 +112,8 @@ def _given_sign(model: Model, x: Array, cut: Cut, wide: Cut) -> Cut:
     """Windows of readings with the sign of one simulation of each block."""
     every = list(cut.series)
     seen = simulate(model.record(x), wide, measured_places(wide))
-    for (k, first, last), piece in zip(wide.windows, wide.slices, strict=True):
+    for (k, first, last), own in zip(wide.windows, wide.slices, strict=True):
         y = every[k].y.copy()
-        y[first:last] *= np.where(seen[piece] < 0.0, -1.0, 1.0)
+        y[first:last] *= np.where(seen[own] < 0.0, -1.0, 1.0)
         every[k] = replace(every[k], y=y)
     return Cut(every, cut.windows)

@@ -97,7 +97,7 @@ def _rival(name: str, effect: FoundEffect, model: Model, x: Array) -> Rival | No
     other = model.without(effect.name).with_effect(name)
     values = model.values(x)
     begins = [values | start for start in group(name, model.scales).starts]
-    places = {each.place for each in other.coordinates}
+    places = {coordinate.place for coordinate in other.coordinates}
     known = [other.searched(start) for start in begins if places <= start.keys()]
     return Rival(name, other, known[: NEXT_EXPERIMENT.starts_tried]) if known else None
 
@@ -115,7 +115,7 @@ def _for(
         if apart > NEXT_EXPERIMENT.misses_by:
             break
     if best is not None and best[0] > NEXT_EXPERIMENT.misses_by:
-        return _told(effect, rivals, best[1], best[0], float(t[-1]))
+        return _experiment(effect, rivals, best[1], best[0], float(t[-1]))
     return _sensor(
         effect, rivals, perform(record, excitations(model.values(x)["omega_n"], volts, tick)[-1], t), noise
     )
@@ -149,7 +149,7 @@ def _rounded(hz: float) -> float:
     return round(hz, max(3, 2 - math.floor(math.log10(hz))))
 
 
-def _told(
+def _experiment(
     effect: FoundEffect, rivals: Sequence[Rival], excitation: Excitation, apart: float, length: float
 ) -> NextExperiment:
     names = effect.name, *(each.name for each in rivals)

@@ -23,7 +23,7 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     """The share of the baseline's squared error above the noise that remains."""
     if extended.adequacy < HELD_OUT.adequate:
         return Unexplained(0.0)
-    return _left(_above_noise(baseline), _above_noise(extended), extended)
+    return _fraction(_above_noise(baseline), _above_noise(extended), extended)
 
 
 def systematic_part(left: Unexplained, account: Account | None, rest: float, relevance: float) -> Unexplained:
@@ -39,19 +39,19 @@ def systematic_part(left: Unexplained, account: Account | None, rest: float, rel
         return left
     if account is None or not account.asked:
         return left if rest > relevance else Unexplained(0.0)
-    told = account.explained + account.systematic
-    if not account.systematic_nrmse > relevance or not told > 0.0:
+    above = account.explained + account.systematic
+    if not account.systematic_nrmse > relevance or not above > 0.0:
         return Unexplained(0.0)
-    return replace(left, fraction=account.systematic / told)
+    return replace(left, fraction=account.systematic / above)
 
 
-def left_by_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
+def remaining_after_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
     """The same of the windows that both were fitted to; `seen` is the model's simulation of these."""
     before, after = (float(np.mean(one.error - one.cut.allowed**2)) for one in (baseline, extended))
-    return _left(before, after, seen)
+    return _fraction(before, after, seen)
 
 
-def _left(before: float, after: float, extended: HeldOut) -> Unexplained:
+def _fraction(before: float, after: float, extended: HeldOut) -> Unexplained:
     """By squared errors above the noise."""
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
     if fraction < UNEXPLAINED.negligible:
@@ -77,9 +77,9 @@ def _shares(held: HeldOut) -> dict[str, float]:
         "position": held.states[:, POSITION],
         "time": held.cut.gathered("t"),
     }
-    if all(len(one.supply) for one in held.cut.series):
+    if all(len(recording.supply) for recording in held.cut.series):
         signals["supply_pressure"] = held.cut.gathered("supply")
-    if all(len(one.force) for one in held.cut.series):
+    if all(len(recording.force) for recording in held.cut.series):
         signals["measured_channel"] = held.cut.gathered("force")
     independent = max(len(residual) / max(correlation_time(residual), 1.0), UNEXPLAINED.bins + 2.0)
     shares = {name: _share(residual, signal[rows], independent) for name, signal in signals.items()}

@@ -63,7 +63,7 @@ class Segment:
         ]
         self.unit = 1.0 / float(np.max(np.abs(self.one.u)))
         self.hidden = hidden
-        self._swings: dict[tuple[float, ...], float] = {}
+        self._oscillations: dict[tuple[float, ...], float] = {}
         self.lines = [self._line(rows) for rows in self.parts]
         self.seen = self._abouts(self.one.y[self.rows])
 
@@ -196,19 +196,19 @@ class Segment:
         """Of shares of the limit cycle of Eq. 1, cause by cause in the order of the signal's way."""
         sizes: Values = {}
         cycle = Cycle(
-            self.omega, half, omega_n / (2.0 * zeta), lambda known: self._swing(omega_n, zeta, known)
+            self.omega, half, omega_n / (2.0 * zeta), lambda known: self._peak_to_peak(omega_n, zeta, known)
         )
         for name in sorted({place.split(".")[0] for place in shares}, key=list(CAUSES).index):
             sizes |= sized_by_shares(name, shares, sizes, cycle)
         return sizes
 
-    def _swing(self, omega_n: float, zeta: float, sizes: Values) -> float:
+    def _peak_to_peak(self, omega_n: float, zeta: float, sizes: Values) -> float:
         """From end to end of the load, with these sizes."""
         at = (omega_n, zeta, *sizes.values())
-        if at not in self._swings:
+        if at not in self._oscillations:
             moved = self._answer(omega_n, zeta, sizes, moves=True)
-            self._swings[at] = float(np.median([np.ptp(own) for own in self._abouts(moved)]))
-        return self._swings[at]
+            self._oscillations[at] = float(np.median([np.ptp(own) for own in self._abouts(moved)]))
+        return self._oscillations[at]
 
     def _compared(self, answer: Array, plain: GridPlant, delays: Sequence[float]) -> list[GridPlant]:
         """The plant with each delay: what is left of each part at the gain that fits best."""

@@ -47,7 +47,7 @@ def grid_plants(cut: Cut) -> tuple[GridPlant, ...]:
     for own in kinds.values():
         found += [grid.settled(plant) for plant in _kept(own)]
     for rich in SETTLED:
-        plain = [plant for plant in found if plant.causes == {CAUSES[rich].beside} and plant.delay == 0.0]
+        plain = [plant for plant in found if plant.causes == {CAUSES[rich].needs} and plant.delay == 0.0]
         plain.sort(key=lambda plant: plant.cost)
         found += [grid.settled(plant.enriched(rich)) for plant in plain[: GRID.settled_richer]]
     near = min((plant.cost for plant in found), default=0.0) + GRID.growth_compared_within
@@ -68,7 +68,7 @@ def _ramped(cut: Cut) -> list[GridPlant]:
     for plant in sorted((grid.settled(plant) for plant in first.values()), key=lambda one: one.cost):
         if all(abs(math.log(plant.delay / one.delay)) > GRID.other_ramp for one in kept):
             kept.append(plant)
-    height = max(float(np.ptp(one.u)) for one in cut.series)
+    height = max(float(np.ptp(recording.u)) for recording in cut.series)
     return [
         plant._replace(delay=0.0, sizes=ramped_by(name, plant.delay, height))
         for plant in kept[: GRID.kept_ramps]

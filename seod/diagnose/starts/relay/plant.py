@@ -48,7 +48,7 @@ class GridPlant(NamedTuple):
         own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
         own |= self.sizes
         for rich in SETTLED:
-            if self.causes == {CAUSES[rich].beside}:
+            if self.causes == {CAUSES[rich].needs}:
                 own |= settled_from(rich, self.sizes, self.half)
         return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
 

@@ -43,7 +43,7 @@ class Plant:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class WindowResidual:
     """What is left of one window; arrays of shape (n,).
 
     Attributes:
@@ -69,7 +69,7 @@ class Left:
     held_out: bool
 
 
-def left_of(held: HeldOut, *, held_out: bool) -> list[Left]:
+def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
     """Of each window that a model has simulated; windows without a row that counts are left out."""
     out, error, scored = [], held.error, held.scored & held.sure
     for (k, first, last), rows in zip(held.cut.windows, held.cut.slices, strict=True):
@@ -78,7 +78,7 @@ def left_of(held: HeldOut, *, held_out: bool) -> list[Left]:
             t, u = one.t[first:last], one.u[first:last]
             pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
             some = pressure, velocity, position
-            out.append(Left(k, t, u, error[rows], scored[rows], *some, held_out))
+            out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
     return out
 
 
@@ -104,7 +104,7 @@ class Share:
         return self.square > 0.0 and self.score > self.limit
 
 
-def mean_square(parts: Sequence[Left]) -> float:
+def mean_square(parts: Sequence[WindowResidual]) -> float:
     """Of all rows that count."""
     kept = [one.error[one.scored] for one in parts]
     return sum(float(each @ each) for each in kept) / sum(len(each) for each in kept)
