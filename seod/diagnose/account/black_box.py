@@ -31,10 +31,12 @@ class Foretold(NamedTuple):
     Attributes:
         share: Its mean square.
         rest: What is left of the windows.
+        enough: There are more independent samples than terms: what is systematic could have been foretold.
     """
 
     share: Share
     rest: list[WindowResidual]
+    enough: bool
 
 
 def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
@@ -54,14 +56,16 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
         before.append(columns[:, -1] ** 2)
         after.append(error**2)
     scored = [one.scored for one in parts]
-    longest = float(np.mean([each.sum() for each in scored])) / (
-        BLACK_BOX.correlations * colour(rest).correlation
-    )
+    memory = colour(rest).correlation
+    longest = float(np.mean([each.sum() for each in scored])) / (BLACK_BOX.correlations * memory)
     count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(scored))))
     every = compared(before, after, scored, count)
     new = [k for k, one in enumerate(parts) if one.held_out]
     share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
-    return Foretold(replace(share, score=every.score, limit=every.limit), rest)
+    independent = sum(float(each.sum()) for each in scored) / memory
+    return Foretold(
+        replace(share, score=every.score, limit=every.limit), rest, independent > weights.shape[1]
+    )
 
 
 def _products(columns: Array) -> Array:
