@@ -56,13 +56,14 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
         before.append(columns[:, -1] ** 2)
         after.append(error**2)
     scored = [one.scored for one in parts]
-    memory = colour(rest).correlation
-    longest = float(np.mean([each.sum() for each in scored])) / (BLACK_BOX.correlations * memory)
+    longest = float(np.mean([each.sum() for each in scored])) / (
+        BLACK_BOX.correlations * colour(rest).correlation
+    )
     count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(scored))))
     every = compared(before, after, scored, count)
     new = [k for k, one in enumerate(parts) if one.held_out]
     share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
-    independent = sum(float(each.sum()) for each in scored) / memory
+    independent = sum(float(each.sum()) for each in scored) / colour(parts).correlation
     return Foretold(
         replace(share, score=every.score, limit=every.limit), rest, independent > weights.shape[1]
     )
