@@ -218,6 +218,7 @@ def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)  # a whole diagnosis, on a busy machine
 def test_coloured_noise_is_no_cause():
     u = multisine()
     y = linear(u)
