@@ -29,12 +29,14 @@ def run(
         try:
             if not (start or watch):
                 daemon.run(path, duration, record)  # replaces this process
-            raise typer.Exit(_attend(path, duration, record, start, watch))
+            raise typer.Exit(_run_until_it_ends(path, duration, record, start, watch))
         except daemon.LaunchError as error:
             raise CommandError(str(error)) from error
 
 
-def _attend(path: Path, duration: float | None, record: Path | None, start: bool, watch: bool) -> int:
+def _run_until_it_ends(
+    path: Path, duration: float | None, record: Path | None, start: bool, watch: bool
+) -> int:
     from seod.launch.with_client import StartError, run_with_client  # noqa: PLC0415
 
     try:

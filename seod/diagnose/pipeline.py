@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,7 +22,7 @@ from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
-from seod.diagnose.record.closed_form import ClosedForm, Told, closed_form, output_type
+from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form, output_type
 from seod.diagnose.record.column_checks import different_units, gain_remarks
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
@@ -33,10 +33,11 @@ from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.final_choice import Choice, choose
 from seod.diagnose.search.refine import fitted_over_all
 from seod.diagnose.search.screen import screen
-from seod.diagnose.starts.baseline import Begun, Known, baseline
+from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
 from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
-from seod.diagnose.verdict.answer import Found, answered, trimmed
+from seod.diagnose.tuning.verdict import PIPELINE
+from seod.diagnose.verdict.answer import Searched, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from seod.config.model import RigConfig
     from seod.data import Recording
     from seod.diagnose.causes.scales import Scales, Values
-    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Diagnosis, Hold, Output
@@ -53,9 +54,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
     Progress = Callable[[str, float], None]
-
-MOSTLY_NOISE: Final = 0.7
-"""NRMSE of noise alone from which on nothing can be told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +125,7 @@ def diagnose(
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool, threadpool_limits(1, "blas"):
-        way = _Way(sees_speed, _known(asked, rig.effects), counted(pool.map), budget, progress)
+        way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
         searched = in_blocks(every[: len(recordings)])
         start = _start(searched, way)
@@ -155,7 +153,7 @@ def _mean_force(recordings: Sequence[Recording]) -> float | None:
 
 def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, ClosedForm, list[str]]:
     """What y is, Eq. 1 in closed form, and what is said where nobody tells what y is."""
-    told = Told(asked.hold, asked.gain, asked.delay)
+    told = UserValues(asked.hold, asked.gain, asked.delay)
     if asked.output is not None:
         return asked.output, closed_form(recordings, asked.output, told), []
     tried: dict[Output, ClosedForm] = {
@@ -166,18 +164,18 @@ def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, Clo
     return output, tried[output], [sentence]
 
 
-def _known(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Known:
+def _fixed(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Fixed:
     """The rig's effects, and what the user tells."""
     told = {} if asked.delay is None else {LATE: {"time": asked.delay}}
-    return Known({**effects, **told}, asked.gain, frozenset(told))
+    return Fixed({**effects, **told}, asked.gain, frozenset(told))
 
 
 class _Way(NamedTuple):
-    """How it is searched: `known` are effects of the rig's model, and what the user tells."""
+    """How it is searched: `fixed` are effects of the rig's model, and what the user tells."""
 
     sees_speed: bool
-    known: Known
-    each: Each
+    fixed: Fixed
+    parallel: ParallelMap
     budget: Budget
     progress: Progress
 
@@ -188,7 +186,7 @@ class _Start(NamedTuple):
     to_fit: Cut
     held_out: Cut
     screened: Screen
-    begun: Begun
+    begun: BaselineFits
     base: Judged
 
 
@@ -221,12 +219,14 @@ def _start(every: Sequence[Series], way: _Way) -> _Start:
 
 def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
     small = segments(to_fit)
-    screened = screen(small, way.each, way.budget)
-    begun = baseline(screened.cut, way.sees_speed, way.known.effects, way.each, way.known.gain)
+    screened = screen(small, way.parallel, way.budget)
+    begun = baseline(screened.cut, way.sees_speed, way.fixed.effects, way.parallel, way.fixed.gain)
     first = begun.best
-    base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small), each=way.each)
+    base = fit(
+        first.model, small, first.x, simulated_states(first.model, first.x, small), parallel=way.parallel
+    )
     plain = simulate_held_out(base.model, base.x, held_out)
-    if plain.floor > MOSTLY_NOISE:
+    if plain.floor > PIPELINE.mostly_noise:
         raise DiagnoseError(
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
@@ -234,12 +234,12 @@ def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
     return _Start(to_fit, held_out, screened.watching(base), begun, Judged(base, plain))
 
 
-def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Found:
+def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Searched:
     to_fit, held_out, screened, begun, base = start
     small, progress = segments(to_fit), way.progress
     begun = hidden_by_offset(begun, base, closed)
     near = begun.closed or begun.near
-    sizes = replace(scales(near, near.cut), told=way.known.told)
+    sizes = replace(scales(near, near.cut), given=way.fixed.given)
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
     starts = search_roots(base.found, begun, sizes, screened.cut)
@@ -251,51 +251,51 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Found:
     base, chosen = _measured(choice, start, unseen, way)
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
-    return Found(base.found, base.held, chosen, seen, tuple(effects), grown)
+    return Searched(base.found, base.held, chosen, seen, tuple(effects), grown)
 
 
 def _common(start: _Start, way: _Way, closed: ClosedForm) -> Common:
     """Eq. 1 with what every user would give it: a constant offset of u, or of a speed y, and a delay."""
     base, small = start.base.found, segments(start.to_fit)
-    sizes = replace(scales(base, base.cut), told=way.known.told)
+    sizes = replace(scales(base, base.cut), given=way.fixed.given)
     begins = (
         [base.model.values(base.x), dict(closed.values)] if closed.values else [base.model.values(base.x)]
     )
     found = min((_with_common(start.base.found.model, sizes, one, small, way) for one in begins), key=_cost)
     values = found.model.values(found.x)
-    delay = values.get(LATE_PLACE, way.known.effects.get(LATE, {}).get("time", 0.0))
+    delay = values.get(LATE_PLACE, way.fixed.effects.get(LATE, {}).get("time", 0.0))
     K_L, omega_n, zeta = (values[name] for name in BASE)
     volts = -2.0 * zeta * values[OFFSET_PLACE] / (omega_n * K_L)
     held = simulate_held_out(found.model, found.x, start.held_out)
     return Common(K_L, omega_n, zeta, volts, delay, held.nrmse)
 
 
-def _cost(found: Fitted) -> float:
-    return found.cost
+def _cost(fitted: Fitted) -> float:
+    return fitted.cost
 
 
 def _with_common(model: Model, sizes: Scales, begin: Values, small: Cut, way: _Way) -> Fitted:
     """Eq. 1 with offset and delay, from this plant."""
     model = replace(model, scales=sizes).turned(begin["K_L"])
     values = {of: begin[of] for of in BASE} | {LATE_PLACE: begin.get("delay", 0.0)}
-    model = model if LATE in sizes.told else model.with_effect(LATE)
-    K_L, bias, _ = linear_gain(model, small, model.searched(values), measured_places(small), way.known.gain)
+    model = model if LATE in sizes.given else model.with_effect(LATE)
+    K_L, bias, _ = linear_gain(model, small, model.searched(values), measured_places(small), way.fixed.gain)
     if K_L * values["K_L"] > 0.0:
         values["K_L"] = K_L
     model = model.with_effect(OFFSET)
     x = model.searched(values | {OFFSET_PLACE: bias})
-    return fit(model, small, x, simulated_states(model, x, small), each=way.each)
+    return fit(model, small, x, simulated_states(model, x, small), parallel=way.parallel)
 
 
 def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Judged, Chosen]:
     """Baseline and set as they are told: numbers by all rows but those held out, figures by all unseen."""
     best = choice.best.found
     over_all = best
-    if any(len(one.blocks) > 1 for one in start.to_fit.series):
-        over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.each)
-    over_all = fitted_in_one_run(over_all, start.held_out, way.each, way.budget.last_fit())
+    if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
+        over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
+    over_all = fitted_in_one_run(over_all, start.held_out, way.parallel, way.budget.last_fit())
     if over_all is best and unseen.windows == start.held_out.windows:
         return choice.base, Chosen(best, best, choice.without, choice.best.held)
     every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
-    base, own, *rest = way.each(lambda one: Judged.of(one, unseen), every)
+    base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
     return base, Chosen(best, over_all, dict(zip(choice.without, rest, strict=True)), own.held)

@@ -8,11 +8,12 @@ import pytest
 from diagnose_truth import RATE, linear, recording
 from scipy.signal import lfilter
 
+from seod.diagnose.account.account import systematic
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.grade import graded
-from seod.diagnose.account.left import Left, Plant, mean_square
 from seod.diagnose.account.noise_colour import colour
 from seod.diagnose.account.repeats import not_repeated, repeats
+from seod.diagnose.account.residual import Plant, WindowResidual, mean_square
 from seod.diagnose.account.yardstick import yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
@@ -74,7 +75,9 @@ def parts_of(u, error, states, count=8):
     t, n = np.arange(N) / RATE, N // count
     scored = np.arange(n) >= n // 5
     return [
-        Left(0, t[a : a + n], u[a : a + n], error[a : a + n], scored, *states[:, a : a + n], bool(k % 2))
+        WindowResidual(
+            0, t[a : a + n], u[a : a + n], error[a : a + n], scored, *states[:, a : a + n], bool(k % 2)
+        )
         for k, a in enumerate(range(0, N, n))
     ]
 
@@ -118,6 +121,16 @@ def test_two_windows_held_out_are_enough(driven):
     share = foretold(parts, PLANT).share
     assert share.significant
     assert share.square < mean_square([one for one in parts if one.held_out])
+
+
+def test_few_independent_samples_show_nothing(driven):
+    u, states, effect = driven
+    slow = parts_of(u, coloured(0.99, 0.1), states)
+    assert foretold(parts_of(u, coloured(0.9, 0.1), states), PLANT).enough
+    assert not foretold(slow, PLANT).enough
+    every = [series(recording(u[::-1], states[2]))]
+    alone = systematic(slow, every, PLANT)
+    assert alone.asked == (repeats(every, slow) is not None)
 
 
 def test_what_repeats_with_the_command_is_told_by_its_size():
@@ -205,6 +218,7 @@ def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)  # a whole diagnosis, on a busy machine
 def test_coloured_noise_is_no_cause():
     u = multisine()
     y = linear(u)

@@ -40,7 +40,7 @@ def sized(unit: float, slower: float) -> Scales:
         pressure=unit * USUAL.pressure / slower**2,
         centre=unit * USUAL.centre,
         travel=unit * USUAL.travel,
-        swing=unit * USUAL.swing,
+        peak_to_peak=unit * USUAL.peak_to_peak,
         omega_n=USUAL.omega_n / slower,
         span_s=slower * USUAL.span_s,
         tick_s=slower * USUAL.tick_s,
@@ -72,7 +72,7 @@ def test_every_cause_that_is_tried_has_starts_that_its_limits_allow(unit, slower
     some = [name for name in ("coulomb_friction",) if CAUSES[name].has_room(sizes)]
     for name in (*some, *further_causes(sizes, some)):
         searched = group(name, sizes)
-        more = model.with_effect("coulomb_friction") if CAUSES[name].beside else model
+        more = model.with_effect("coulomb_friction") if CAUSES[name].needs else model
         more = more.with_effect(name)
         ends = [{c.place: getattr(c, end) for c in searched.coordinates} for end in ("low", "high")]
         plant = {"K_L": 1.0, "omega_n": sizes.omega_n, "zeta": 0.4, "coulomb_friction.level": sizes.pressure}

@@ -26,7 +26,7 @@ SIZES = Scales(
     pressure=300.0,
     centre=0.2,
     travel=1.2,
-    swing=0.3,
+    peak_to_peak=0.3,
     omega_n=60.0,
     span_s=30.0,
     tick_s=1e-3,
@@ -113,7 +113,7 @@ def test_each_is_searched_within_its_limits_from_somewhere(name, sizes):
 def test_each_has_a_model_that_can_be_simulated(name):
     model = baseline_model(SIZES, 1.0, sees_speed=True, fixed={})
     values = {"K_L": 1.0, "omega_n": 60.0, "zeta": 0.4}
-    for each in filter(None, (CAUSES[name].beside, name)):
+    for each in filter(None, (CAUSES[name].needs, name)):
         model = model.with_effect(each)
         begin = next(
             iter(group(each, SIZES).starts), {c.place: c.low for c in group(each, SIZES).coordinates}
@@ -123,9 +123,9 @@ def test_each_has_a_model_that_can_be_simulated(name):
     assert [START[column] for column in model.states] == [
         each
         for each in START
-        if each in {"pressure", "velocity", *CAUSES[name].states, *CAUSES[CAUSES[name].beside or name].states}
+        if each in {"pressure", "velocity", *CAUSES[name].states, *CAUSES[CAUSES[name].needs or name].states}
     ]
-    assert list(model.without(CAUSES[name].beside or name).names) == []
+    assert list(model.without(CAUSES[name].needs or name).names) == []
 
 
 def test_what_is_alike_is_alike_both_ways():

@@ -252,7 +252,7 @@ def test_bristles_come_and_go_with_the_friction_that_they_bear():
         | {"lugre_friction.stiffness": 1e9, "lugre_friction.damping": 1.0}
     )
     record = both.record(stiff)  # no stiffer than the level there is
-    stiffest = STIFFEST_LUGRE / model.scales.swing * record["coulomb_friction_level"][0]
+    stiffest = STIFFEST_LUGRE / model.scales.peak_to_peak * record["coulomb_friction_level"][0]
     assert record["lugre_friction_stiffness"][0] == pytest.approx(min(stiffest, 1e9))
     assert stiffest < 1e3
     dull = both.record(both.searched(TRUTH | both.values(stiff) | {"lugre_friction.damping": 1e6}))

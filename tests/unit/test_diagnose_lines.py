@@ -17,8 +17,9 @@ from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.race import extended, imitates
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import baseline
-from seod.diagnose.starts.effect_starts import LITTLE_DAMPED, effect_starts
+from seod.diagnose.starts.effect_starts import effect_starts
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.starts import EFFECT_STARTS
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +60,9 @@ def test_a_disturbance_is_looked_for_beside_where_the_plant_swings(gain):
     screened, root = searched(Plant(29.0, 42.7, 0.16, shaken), steps())
     x = root.model.searched({"K_L": gain * 29.0, "omega_n": 36.0, "zeta": 0.06})
     begun = effect_starts(replace(root, x=x), "periodic_disturbance", screened.every)
-    damped = [one["periodic_disturbance.omega"] for one in begun if one.get("zeta") == LITTLE_DAMPED]
+    damped = [
+        one["periodic_disturbance.omega"] for one in begun if one.get("zeta") == EFFECT_STARTS.little_damped
+    ]
     assert damped[0] == pytest.approx(36.0)
     assert damped[1] == pytest.approx(34.2, abs=0.02)
 

@@ -17,12 +17,13 @@ from seod.diagnose.fitting.least_squares import LeastSquares, fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments, sparse
-from seod.diagnose.search.beam import BEAM_WIDTH, RICHER_GAIN, SECOND_PLANTS, survivors
-from seod.diagnose.search.budget import EFFORTS, FURTHER_S, LONG_ROWS, SEARCH_S, Budget
-from seod.diagnose.search.race import FIRST_TRIED, Entrant, Runner, best_starts, extended, promising
+from seod.diagnose.search.beam import survivors
+from seod.diagnose.search.budget import EFFORTS, Budget
+from seod.diagnose.search.race import Entrant, Runner, best_starts, extended, promising
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import _rough, baseline
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.search import BEAM, BUDGET, RACE
 
 pytestmark = pytest.mark.slow
 
@@ -51,8 +52,8 @@ def test_richer_forms_of_friction_have_a_plain_one(names, plain):
 
 def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():
     plain, other = fitted(-3.0, "coulomb_friction"), fitted(-2.0, "backlash")
-    little = fitted(-3.0 - 0.9 * RICHER_GAIN, "stribeck_friction")
-    much = fitted(-3.0 - 1.1 * RICHER_GAIN, "stribeck_friction")
+    little = fitted(-3.0 - 0.9 * BEAM.richer_gain, "stribeck_friction")
+    much = fitted(-3.0 - 1.1 * BEAM.richer_gain, "stribeck_friction")
     assert survivors([little, plain, other]) == [plain, other]
     assert survivors([much, plain, other]) == [much, plain, other]
     assert survivors([little, other]) == [little, other]
@@ -60,14 +61,14 @@ def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():
 
 def test_of_each_set_the_best_is_grown_and_of_some_a_second_plant():
     some = [fitted(-9.0 + k, name) for k, name in enumerate(["a", "b", "c", "d"])]
-    assert survivors(some) == some[:BEAM_WIDTH]
+    assert survivors(some) == some[: BEAM.width]
     alike, apart = fitted(-8.9, "a", omega_n=110.0), fitted(-8.8, "a", omega_n=200.0)
-    assert survivors([some[0], alike, apart, *some[1:]]) == [*some[:BEAM_WIDTH], apart]
-    assert survivors([some[0], fitted(-7.9, "a", zeta=0.9), *some[1:]]) == some[:BEAM_WIDTH]
+    assert survivors([some[0], alike, apart, *some[1:]]) == [*some[: BEAM.width], apart]
+    assert survivors([some[0], fitted(-7.9, "a", zeta=0.9), *some[1:]]) == some[: BEAM.width]
     seconds = [fitted(-8.5, "a", zeta=0.9), fitted(-7.9, "b", zeta=0.9), fitted(-6.9, "c", zeta=0.9)]
     assert survivors([some[0], seconds[0], *some[1:], *seconds[1:]]) == [
-        *some[:BEAM_WIDTH],
-        *seconds[:SECOND_PLANTS],
+        *some[: BEAM.width],
+        *seconds[: BEAM.second_plants],
     ]
 
 
@@ -142,7 +143,7 @@ def test_what_promises_most_is_tried_first_and_starts_far_away_soon(late):
     assert sorted(map(id, tried)) == sorted(map(id, begun))
     assert tried[0].name in DELAYS
     far = [k for k, one in enumerate(tried) if remote(one.start)]
-    assert far == list(range(FIRST_TRIED, FIRST_TRIED + len(far)))
+    assert far == list(range(RACE.first_tried, RACE.first_tried + len(far)))
     assert {one.name for one in tried[-3:]}.isdisjoint(DELAYS)
 
 
@@ -158,7 +159,7 @@ def test_a_race_leaves_out_what_it_has_no_time_for(late):
 
     budget = Budget(lambda: now[0], 100.0)
     among = ["valve_lag", "load_bias", "coulomb_friction", "backlash"]
-    hurried = replace(screened, each=each, budget=budget)
+    hurried = replace(screened, parallel=each, budget=budget)
     names = [name for name in group_names(parent) if name not in among]
     found = extended(hurried, [parent], names)
     assert found[0].model.names == ("valve_lag",)
@@ -174,9 +175,13 @@ def group_names(parent):
 
 
 def test_a_short_recording_is_searched_for_longer():
-    assert Budget.of(0, "normal").total == SEARCH_S + FURTHER_S
-    assert Budget.of(LONG_ROWS, "normal").total == Budget.of(10 * LONG_ROWS, "normal").total == SEARCH_S
-    assert Budget.of(0, "quick").total == EFFORTS["quick"] * (SEARCH_S + FURTHER_S)
+    assert Budget.of(0, "normal").total == BUDGET.search_s + BUDGET.further_s
+    assert (
+        Budget.of(BUDGET.long_rows, "normal").total
+        == Budget.of(10 * BUDGET.long_rows, "normal").total
+        == BUDGET.search_s
+    )
+    assert Budget.of(0, "quick").total == EFFORTS["quick"] * (BUDGET.search_s + BUDGET.further_s)
     assert Budget.of(0, "thorough").total == math.inf
     now = [0.0]
     budget = Budget(lambda: now[0], 10.0, 5.0)

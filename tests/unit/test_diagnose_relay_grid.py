@@ -28,6 +28,7 @@ from seod.diagnose.record.windows import Cut, cut, segments, sparse
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.race import extended
 from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.relay import compare
 from seod.diagnose.starts.relay.compare import Segment
 from seod.diagnose.starts.relay.grid import grid_plants
 from seod.diagnose.starts.relay.plant import GridPlant
@@ -131,7 +132,7 @@ def test_a_disturbance_is_tried_by_one_that_a_plant_may_have(monkeypatch):
     (cell, *_) = segment.plants(150.0, 4.0, {})
     assert cell.omega_n * segment.omega > 1e6
     found = segment.shaken(cell).sizes
-    monkeypatch.setattr("seod.diagnose.starts.relay.compare.STRONGEST_DISTURBANCE", 3e4)
+    monkeypatch.setattr(compare, "COMPARE", replace(compare.COMPARE, strongest_disturbance=3e4))
     assert segment.shaken(cell).sizes == pytest.approx(found, rel=1e-3)
 
 

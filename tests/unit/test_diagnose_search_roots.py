@@ -13,7 +13,8 @@ from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.starts.search_roots import LESS_DAMPING, less_damped
+from seod.diagnose.starts.search_roots import less_damped
+from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 N, K_L = 4000, 17.0
 
@@ -35,8 +36,8 @@ def test_a_rate_too_quick_to_show_is_let_go():
     begun = fitted(700.0, 8.0, disturbed=1.0)
     found = less_damped(begun)
     values = found.model.values(found.x)
-    assert values["omega_n"] == pytest.approx(700.0 * LESS_DAMPING / 8.0)
-    assert values["zeta"] == pytest.approx(LESS_DAMPING, rel=0.3)
+    assert values["omega_n"] == pytest.approx(700.0 * SEARCH_ROOTS.less_damping / 8.0)
+    assert values["zeta"] == pytest.approx(SEARCH_ROOTS.less_damping, rel=0.3)
     slow = values["omega_n"] / (2.0 * values["zeta"])
     assert slow == pytest.approx(700.0 / 16.0, rel=0.3)
 

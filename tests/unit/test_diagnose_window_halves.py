@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
-from seod.diagnose.fitting.held_out import ADEQUATE
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
-from seod.diagnose.fitting.window_halves import SHOWS_MORE, fits_both
+from seod.diagnose.fitting.window_halves import fits_both
 from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.verdict.answer import RARE, UNFITTED, UNSURE, Found, _left_over
+from seod.diagnose.tuning.fitting import HELD_OUT, WINDOW_HALVES
+from seod.diagnose.verdict.answer import RARE, UNFITTED, UNSURE, Searched, _remainder
 from seod.diagnose.verdict.effects import Chosen
 
 pytestmark = pytest.mark.slow
@@ -75,8 +75,8 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
 
     def left(found, **more):
         best = Chosen(found, found, {}, Judged.of(found, aside).held)
-        some = Found(far, base, best, Judged.of(found, to_fit).held, (), None, **more)
-        return _left_over(some, Judged.of(far, to_fit).held)
+        some = Searched(far, base, best, Judged.of(found, to_fit).held, (), None, **more)
+        return _remainder(some, Judged.of(far, to_fit).held)
 
     nothing, unsaid = left(right)
     assert (nothing.fraction, unsaid) == (0.0, ())
@@ -108,12 +108,12 @@ def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(
     aside.series[0].y[first:last] += shaken * noise * np.sin(900.0 * np.arange(last - first) / RATE)
     (found,) = detuned(to_fit, off)
     held = Judged.of(found, aside).held
-    assert held.adequacy > ADEQUATE
-    assert (held.adequacy > SHOWS_MORE) == more_than_twice
+    assert held.adequacy > HELD_OUT.adequate
+    assert (held.adequacy > WINDOW_HALVES.shows_more) == more_than_twice
     assert fits_both(found, held) == (said == (UNSURE,))
     best = Chosen(found, found, {}, held)
     (far,) = detuned(to_fit, 0.8)
-    some = Found(far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
-    left, told = _left_over(some, Judged.of(far, to_fit).held)
+    some = Searched(far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
+    left, told = _remainder(some, Judged.of(far, to_fit).held)
     assert (left.fraction == 0.0) == (said == (UNSURE,))
     assert told == said

@@ -68,7 +68,7 @@ def test_every_second_window_is_held_out_and_none_is_in_both(one):
 
 
 def test_a_long_recording_is_cut_in_blocks_at_distances_of_which_no_two_are_alike(one, monkeypatch):
-    monkeypatch.setattr(blocks, "SEARCHED_ROWS", len(one.t) // 3)
+    monkeypatch.setattr(blocks, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(one.t) // 3))
     (long,) = in_blocks([replace(one, window_s=one.tick * len(one.t) / 80.0)])
     begins = [begin for begin, _ in long.blocks]
     assert len(begins) == 5
@@ -88,7 +88,7 @@ def test_a_short_recording_is_searched_whole(one):
 
 
 def test_what_is_fitted_last_is_all_but_the_rows_held_out(one, monkeypatch):
-    monkeypatch.setattr(blocks, "SEARCHED_ROWS", len(one.t) // 3)
+    monkeypatch.setattr(blocks, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(one.t) // 3))
     (long,) = in_blocks([replace(one, window_s=one.tick * len(one.t) / 80.0)])
     _, held = cut([long])
     every = all_but([long], held)

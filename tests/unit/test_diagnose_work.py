@@ -14,15 +14,18 @@ from diagnosis_example import LEVEL, command, simulate
 
 from seod.data import read
 from seod.diagnose import pipeline
-from seod.diagnose.fitting.work import ROW_NS, SIMULATION_NS, STEP_NS, counted, spend, used_s
+from seod.diagnose.fitting.work import counted, spend, used_s
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.search.budget import Budget
+from seod.diagnose.tuning.fitting import WORK
 
 
 def test_a_simulation_counts_its_steps_and_rows():
     before = used_s()
     spend(1000.0, 500)
-    assert used_s() - before == pytest.approx(1e-9 * (SIMULATION_NS + 1000 * STEP_NS + 500 * ROW_NS))
+    assert used_s() - before == pytest.approx(
+        1e-9 * (WORK.simulation_ns + 1000 * WORK.step_ns + 500 * WORK.row_ns)
+    )
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7])
@@ -35,7 +38,9 @@ def test_each_task_sees_its_own_work_and_all_of_it_counts(workers):
     begun = used_s()
     with ThreadPoolExecutor(workers) as pool:
         seen = list(counted(pool.map)(task, range(0, 9_000_000, 1_000_000)))
-    simulation_s = [1e-9 * (SIMULATION_NS + rows * ROW_NS) for rows in range(0, 9_000_000, 1_000_000)]
+    simulation_s = [
+        1e-9 * (WORK.simulation_ns + rows * WORK.row_ns) for rows in range(0, 9_000_000, 1_000_000)
+    ]
     assert [used - begun for used, _ in seen] == pytest.approx([3.0 * each for each in simulation_s])
     for (_, inner), each in zip(seen, simulation_s, strict=True):
         assert [one - begun for one in inner] == pytest.approx([2.0 * each, 2.0 * each])

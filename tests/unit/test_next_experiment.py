@@ -7,8 +7,9 @@ from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import hidden_by_relay
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.result import FoundEffect, Gain
+from seod.diagnose.tuning.verdict import NEXT_EXPERIMENT
 from seod.diagnose.verdict.experiment_trial import Excitation, follow, perform, refitted, times
-from seod.diagnose.verdict.next_experiment import MISSES_BY, beyond_a_relay, excitations, next_experiment
+from seod.diagnose.verdict.next_experiment import beyond_a_relay, excitations, next_experiment
 
 K_L, OMEGA_N, ZETA = 17.0, 117.0, 0.4
 TICK, NOISE, VOLTS = 1e-3, 1e-3, 1.0
@@ -51,7 +52,7 @@ def test_overlap_and_play_need_more_than_a_relay():
         rival, [begin], perform(record, asked[told.input.split(",")[0].split(":")[0].split(" ")[0]], t), NOISE
     )
     assert near[1] < 0.1 * far[1]
-    assert far[1] > MISSES_BY
+    assert far[1] > NEXT_EXPERIMENT.misses_by
 
 
 def test_lags_before_and_behind_a_linear_plant_need_another_sensor():
@@ -105,4 +106,4 @@ def test_a_relay_hides_it_indeed(name):
     record = hidden.record(hidden.searched(truth | hidden_by_relay()[name].shown(VOLTS)))
     run = perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), times(OMEGA_N, TICK))
     plain = baseline_model(SCALES, 1.0, False, {})
-    assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < MISSES_BY
+    assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < NEXT_EXPERIMENT.misses_by

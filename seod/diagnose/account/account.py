@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.account.black_box import foretold
-from seod.diagnose.account.left import Plant, left_of, mean_square
 from seod.diagnose.account.noise_colour import NoiseColour, colour
 from seod.diagnose.account.repeats import not_repeated, repeats
+from seod.diagnose.account.residual import Plant, mean_square, window_residuals
 from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import Account, Yardstick
+from seod.diagnose.tuning.account import ACCOUNT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Evidence
-
-LOST: Final = 1e3
-"""NRMSE from which on a model has left the recording: of its residual nothing can be told."""
 
 
 class Shown(NamedTuple):
@@ -33,7 +31,7 @@ class Shown(NamedTuple):
         part: Of the squared error [0 to 1].
         by: How it is known.
         noise: Of the rest.
-        asked: The recording could have shown it: the command repeats, or windows are alike.
+        asked: The recording could have shown it: the command repeats, or windows are alike and long enough.
     """
 
     part: float
@@ -57,8 +55,12 @@ def accounted(
         held: Of those held out.
         base: The baseline's of the same.
     """
-    parts, own = left_of(seen, held_out=False), left_of(held, held_out=True)
-    if not own or not mean_square([*parts, *own]) > 0.0 or not max(base.nrmse, seen.nrmse, held.nrmse) < LOST:
+    parts, own = window_residuals(seen, held_out=False), window_residuals(held, held_out=True)
+    if (
+        not own
+        or not mean_square([*parts, *own]) > 0.0
+        or not max(base.nrmse, seen.nrmse, held.nrmse) < ACCOUNT.lost
+    ):
         return None, None
     shown = systematic([*parts, *own], held.cut.series, Plant.of(found.model, found.x))
     other = yardstick(seen.cut, held.cut)
@@ -80,13 +82,14 @@ def accounted(
     return account, None if other is None else Yardstick(other.arx, other.narx)
 
 
-def systematic(parts: Sequence[Left], every: Sequence[Series], plant: Plant) -> Shown:
+def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     again, box = repeats(every, parts), foretold(parts, plant)
-    asked = again is not None or (box is not None and not all(sweeps(one.t, one.u) for one in every))
+    alike = box is not None and box.enough and not all(sweeps(one.t, one.u) for one in every)
+    asked = again is not None or alike
     total = mean_square([one for one in parts if one.held_out])
     shown = Shown(0.0, "nothing", NoiseColour((), 0.0, 1.0), asked)
-    rest: Sequence[Left] = parts
+    rest: Sequence[WindowResidual] = parts
     if box is not None and box.share.significant:
         shown = shown._replace(part=min(1.0, box.share.square / total), by="black box")
         rest = box.rest

@@ -9,32 +9,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from seod.diagnose.account.left import PIECES, compared
 from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.residual import compared
+from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left, Plant, Share
+    from seod.diagnose.account.residual import Plant, Share, WindowResidual
     from seod.diagnose.result import Array
-
-RIDGES: Final = (1e-6, 1e-4, 1e-2, 1.0)
-"""Penalties that are tried, over the mean square of a column."""
-CORRELATIONS: Final = 2.0
-"""Correlation times in such a part, at least: shorter ones would not be independent."""
-SHARP: Final = 0.05
-"""Part of the largest speed or command at which its sign is taken for a step."""
-WAVES: Final = 4
-"""Half waves over the travel."""
-HINGES: Final = (0.25, 0.5, 0.75)
-"""Parts of the largest command, and pressure, from which on a further slope is tried."""
-LAGS: Final = (0.5, 1.0, 2.0)
-"""Earlier commands, in 1 / omega_n."""
 
 
 class Foretold(NamedTuple):
@@ -43,13 +31,15 @@ class Foretold(NamedTuple):
     Attributes:
         share: Its mean square.
         rest: What is left of the windows.
+        enough: There are more independent samples than terms: what is systematic could have been foretold.
     """
 
     share: Share
-    rest: list[Left]
+    rest: list[WindowResidual]
+    enough: bool
 
 
-def foretold(parts: Sequence[Left], plant: Plant) -> Foretold | None:
+def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
@@ -66,12 +56,17 @@ def foretold(parts: Sequence[Left], plant: Plant) -> Foretold | None:
         before.append(columns[:, -1] ** 2)
         after.append(error**2)
     scored = [one.scored for one in parts]
-    longest = float(np.mean([each.sum() for each in scored])) / (CORRELATIONS * colour(rest).correlation)
-    count = int(min(max(1.0, longest), math.ceil(PIECES / len(scored))))
+    longest = float(np.mean([each.sum() for each in scored])) / (
+        BLACK_BOX.correlations * colour(rest).correlation
+    )
+    count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(scored))))
     every = compared(before, after, scored, count)
     new = [k for k, one in enumerate(parts) if one.held_out]
     share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
-    return Foretold(replace(share, score=every.score, limit=every.limit), rest)
+    independent = sum(float(each.sum()) for each in scored) / colour(parts).correlation
+    return Foretold(
+        replace(share, score=every.score, limit=every.limit), rest, independent > weights.shape[1]
+    )
 
 
 def _products(columns: Array) -> Array:
@@ -81,7 +76,7 @@ def _products(columns: Array) -> Array:
 
 def _weights(products: Sequence[Array]) -> Array:
     """Coefficients for each window by the others, shape (w, p); with the penalty that foretells best."""
-    tried = [_ridge(products, ridge) for ridge in RIDGES]
+    tried = [_ridge(products, ridge) for ridge in BLACK_BOX.ridges]
     return tried[int(np.argmax([_gain(products, weights) for weights in tried]))]
 
 
@@ -102,7 +97,7 @@ def _gain(products: Sequence[Array], weights: Array) -> float:
     return sum(float(2.0 * x @ own[:-1, -1] - x @ own[:-1, :-1] @ x) for own, x in pairs)
 
 
-def sizes_of(parts: Sequence[Left]) -> dict[str, float]:
+def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
     """Largest values over all windows."""
     names = ("u", "pressure", "velocity", "position")
     return {
@@ -110,7 +105,7 @@ def sizes_of(parts: Sequence[Left]) -> dict[str, float]:
     }
 
 
-def _columns(one: Left, plant: Plant, sizes: dict[str, float]) -> Array:
+def _columns(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array:
     """All terms and the residual, without what a state at the window's beginning would do; (n, p + 1)."""
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
@@ -126,11 +121,11 @@ def _columns(one: Left, plant: Plant, sizes: dict[str, float]) -> Array:
 
 def _forces(p: Array, v: Array, x: Array) -> list[Array]:
     """What may brake the load."""
-    sign = np.tanh(v / SHARP)
-    waves = [wave(k * math.pi * x) for k in range(1, WAVES + 1) for wave in (np.cos, np.sin)]
+    sign = np.tanh(v / BLACK_BOX.sharp)
+    waves = [wave(k * math.pi * x) for k in range(1, BLACK_BOX.waves + 1) for wave in (np.cos, np.sin)]
     return [
         np.ones_like(v),
-        *(sign, sign * np.exp(-np.abs(v) / (4.0 * SHARP)), v, v * np.abs(v), v**3),
+        *(sign, sign * np.exp(-np.abs(v) / (4.0 * BLACK_BOX.sharp)), v, v * np.abs(v), v**3),
         *(x, x * np.abs(x), x * x, x**3),
         *(sign * x, sign * np.abs(p), v * x, v * x * x, v * p),
         *waves,
@@ -139,12 +134,12 @@ def _forces(p: Array, v: Array, x: Array) -> list[Array]:
 
 def _volts(u: Array, p: Array, x: Array, angle: float) -> list[Array]:
     """What may be added to the command."""
-    hinges = [np.sign(s) * np.maximum(np.abs(s) - part, 0.0) for s in (u, p) for part in HINGES]
-    rows = [min(max(1, round(lag / angle)), len(u) - 1) for lag in LAGS]
+    hinges = [np.sign(s) * np.maximum(np.abs(s) - part, 0.0) for s in (u, p) for part in BLACK_BOX.hinges]
+    rows = [min(max(1, round(lag / angle)), len(u) - 1) for lag in BLACK_BOX.lags]
     lagged = [np.r_[np.full(k, u[0]), u[:-k]] for k in rows]
     change = np.gradient(p) / angle
     return [
-        *(u, np.abs(u), u * np.abs(u), u * u, u**3, np.tanh(u / SHARP)),
+        *(u, np.abs(u), u * np.abs(u), u * u, u**3, np.tanh(u / BLACK_BOX.sharp)),
         *(np.abs(p), p * np.abs(p), p * p, p**3, u * p, np.abs(u) * p, u * np.abs(p), u * p * p),
         *(u * x, p * x, change * x, change, change * np.abs(p)),
         *hinges,
@@ -154,8 +149,8 @@ def _volts(u: Array, p: Array, x: Array, angle: float) -> list[Array]:
 
 def _readings(p: Array, v: Array, x: Array) -> list[Array]:
     """What may be added to the reading."""
-    waves = [wave(k * math.pi * x) for k in range(1, WAVES + 1) for wave in (np.cos, np.sin)]
-    return [np.tanh(v / SHARP), v, p, np.abs(v), np.abs(x), x * x, x**3, v * x, v * x * x, *waves]
+    waves = [wave(k * math.pi * x) for k in range(1, BLACK_BOX.waves + 1) for wave in (np.cos, np.sin)]
+    return [np.tanh(v / BLACK_BOX.sharp), v, p, np.abs(v), np.abs(x), x * x, x**3, v * x, v * x * x, *waves]
 
 
 def _load(plant: Plant) -> tuple[Array, Array]:

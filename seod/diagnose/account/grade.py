@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from seod.diagnose.fitting.held_out import ADEQUATE
+from seod.diagnose.tuning.account import GRADE
+from seod.diagnose.tuning.fitting import HELD_OUT
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Account, Grade, Yardstick
-
-DESIGN_ERROR: Final = 0.05
-"""Held-out NRMSE up to which a controller can be designed by a model: as a loop gain off by 5 %."""
-DESIGN_SYSTEMATIC: Final = 0.02
-"""Of it systematic, at most: what a controller would meet each time."""
-AS_GOOD: Final = 0.95
-"""NRMSE of ARX or NARX, over the model's, down to which they are no better."""
 
 
 def graded(
@@ -32,10 +26,10 @@ def graded(
     if not after < 1.0:
         return "useless"
     rest = after if account is None or not account.asked else account.systematic_nrmse
-    beaten = other is not None and other.best < AS_GOOD * after
+    beaten = other is not None and other.best < GRADE.as_good * after
     nothing_shown = account is not None and account.asked and rest == 0.0
-    if adequacy < ADEQUATE or (nothing_shown and not beaten):
+    if adequacy < HELD_OUT.adequate or (nothing_shown and not beaten):
         return "down_to_noise"
-    if after <= DESIGN_ERROR and rest <= DESIGN_SYSTEMATIC:
+    if after <= GRADE.design_error and rest <= GRADE.design_systematic:
         return "good_for_design"
     return "partly" if after < before else "useless"

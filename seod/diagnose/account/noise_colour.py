@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import lfilter
 
+from seod.diagnose.tuning.account import NOISE_COLOUR
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.result import Array
-
-LONGEST: Final = 8
-"""Order, at most."""
-ENOUGH: Final = 2.0
-"""Log likelihood by which a longer memory has to be better."""
-ROWS_EACH: Final = 20
-"""Samples for each coefficient, at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +38,21 @@ class NoiseColour:
         return len(self.memory)
 
 
-def colour(parts: Sequence[Left]) -> NoiseColour:
+def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
     """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse."""
     runs = [one.error[one.scored] - np.mean(one.error[one.scored]) for one in parts]
     sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))
     halves = (runs[::2], runs[1::2]) if len(runs) > 1 else _halved(runs[0])
-    most = min(LONGEST, min(sum(len(run) for run in half) for half in halves) // ROWS_EACH - 1)
+    most = min(
+        NOISE_COLOUR.longest,
+        min(sum(len(run) for run in half) for half in halves) // NOISE_COLOUR.rows_each - 1,
+    )
     if not sd > 0.0 or most < 1:
         return NoiseColour((), sd, 1.0)
     best, least = 0, math.inf
     for order in range(most + 1):
         cost = sum(_surprise(_regressed(one, order), other, order) for one, other in (halves, halves[::-1]))
-        if cost < least - ENOUGH:
+        if cost < least - NOISE_COLOUR.enough:
             best, least = order, cost
     return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
 
@@ -66,9 +64,9 @@ def _halved(run: Array) -> tuple[list[Array], list[Array]]:
 
 def _rows(runs: Sequence[Array], order: int) -> tuple[Array, Array]:
     """Earlier samples, shape (n, order), and the sample that follows."""
-    long = [run for run in runs if len(run) > LONGEST]
-    past = [[run[LONGEST - k : len(run) - k] for k in range(1, order + 1)] for run in long]
-    now = np.concatenate([run[LONGEST:] for run in long])
+    long = [run for run in runs if len(run) > NOISE_COLOUR.longest]
+    past = [[run[NOISE_COLOUR.longest - k : len(run) - k] for k in range(1, order + 1)] for run in long]
+    now = np.concatenate([run[NOISE_COLOUR.longest :] for run in long])
     return np.concatenate([np.array(each).T for each in past]) if order else np.empty((len(now), 0)), now
 
 

@@ -4,29 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
 
-from seod.diagnose.account.left import CHANCE, Share
+from seod.diagnose.account.residual import Share
 from seod.diagnose.record.command_period import command_period_s, finer_period_s, relay_period_s, rises
+from seod.diagnose.tuning.account import REPEATS, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Left
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Rows
     from seod.diagnose.result import Array
-
-MOST_BINS: Final = 512
-"""Parts of a period, at most."""
-FEWEST_BINS: Final = 8
-FEWEST_WINDOWS: Final = 3
-"""That are compared with each other, at least."""
-FEWEST_ROWS: Final = 8
-"""Of a window, for a parabola to be taken off."""
 
 
 class Cycle(NamedTuple):
@@ -47,7 +40,7 @@ class Cycle(NamedTuple):
         return np.where(turns < 0.0, -1, part)
 
 
-def repeats(every: Sequence[Series], parts: Sequence[Left]) -> Share | None:
+def repeats(every: Sequence[Series], parts: Sequence[WindowResidual]) -> Share | None:
     """Mean product of the residuals of different windows at the same phase; None where no command repeats.
 
     A parabola is taken off each window: what drifts does not count. Of noise, whatever its colour, the mean
@@ -62,11 +55,11 @@ def repeats(every: Sequence[Series], parts: Sequence[Left]) -> Share | None:
         if of == file
     ]
     products, counts = np.array([each for each in pairs if each[1] > 0]).reshape(-1, 2).T
-    if len(profiles) < FEWEST_WINDOWS or len(products) < FEWEST_WINDOWS:
+    if len(profiles) < REPEATS.fewest_windows or len(products) < REPEATS.fewest_windows:
         return None
     square = float(products.sum() / counts.sum())
     scatter = float(np.sum((products - square * counts) ** 2)) * len(products) / (len(products) - 1)
-    limit = float(student.ppf(1.0 - CHANCE, len(profiles) - 1))
+    limit = float(student.ppf(1.0 - SYSTEMATIC.chance, len(profiles) - 1))
     sd = math.sqrt(scatter) / float(counts.sum())
     return Share(square, sd, square / max(sd, 1e-300), limit)
 
@@ -82,14 +75,14 @@ def cycle(one: Series) -> Cycle | None:
             return None
         period = finer_period_s(one.t, one.u, period)
         begins = np.arange(one.t[0], one.t[-1] + period, period)
-    return Cycle(begins, int(min(max(period / one.tick, FEWEST_BINS), MOST_BINS)))
+    return Cycle(begins, int(min(max(period / one.tick, REPEATS.fewest_bins), REPEATS.most_bins)))
 
 
-def profile(one: Left, of: Cycle) -> Array:
+def profile(one: WindowResidual, of: Cycle) -> Array:
     """Mean residual of a window over the phase, a parabola taken off; shape (bins,), nan without a row."""
     index = of.place(one.t)
     rows = np.flatnonzero(one.scored & (index >= 0))
-    if len(rows) < FEWEST_ROWS:
+    if len(rows) < REPEATS.fewest_rows:
         return np.full(of.bins, np.nan)
     t = one.t[rows]
     rest = one.error[rows] - np.polynomial.Polynomial.fit(t, one.error[rows], 2)(t)
@@ -98,7 +91,7 @@ def profile(one: Left, of: Cycle) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def not_repeated(every: Sequence[Series], parts: Sequence[Left]) -> list[Left]:
+def not_repeated(every: Sequence[Series], parts: Sequence[WindowResidual]) -> list[WindowResidual]:
     """The same without the mean of the other windows at the same phase, where there are such."""
     cycles = [cycle(one) for one in every]
     profiles = [None if (of := cycles[one.file]) is None else profile(one, of) for one in parts]

@@ -10,34 +10,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter, lfiltic
 
-from seod.diagnose.account.left import PIECES, compared
+from seod.diagnose.account.residual import compared
 from seod.diagnose.fitting.held_out import nrmse
+from seod.diagnose.tuning.account import SYSTEMATIC, YARDSTICK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.left import Share
+    from seod.diagnose.account.residual import Share
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.record.windows import Cut, Rows
     from seod.diagnose.result import Array, Mask
-
-ORDERS: Final = (2, 3, 4)
-"""Of the ARX: Eq. 1 has two or three, a lag or a delay adds one."""
-RATES: Final = (16.0, 48.0, 144.0)
-"""Samples in a dominant period."""
-RIDGES: Final = (1e-6, 1e-3, 0.1)
-"""Penalties of the NARX that are tried, over the mean square of a column."""
-_FEWEST: Final = 8
-"""Samples of a window, for it to be simulated."""
-_SIGN: Final = 0.05
-"""Part of the largest change at which its sign is taken for a step."""
-_LEAVES: Final = 10.0
-"""Ranges of the record beyond which a simulation has left it."""
 
 
 class Run(NamedTuple):
@@ -113,7 +101,7 @@ class Narx(NamedTuple):
         order, add = self.arx.order, float(self.arx.integrates)
         begun = self.arx.simulated(runs)
         y, u = _side_by_side(begun), _side_by_side([run.u for run in runs])
-        limit = np.array([_LEAVES * np.ptp(run.y) + np.max(np.abs(run.y)) for run in runs])
+        limit = np.array([YARDSTICK.gone_beyond * np.ptp(run.y) + np.max(np.abs(run.y)) for run in runs])
         for k in range(order + self.arx.integrates, len(y)):
             step = _bent(_past(y, u, k, self.arx) / self.sizes) @ self.weights
             y[k] = np.clip(add * y[k - 1] + step, -limit, limit)
@@ -131,7 +119,7 @@ def beaten(held: HeldOut, other: Reached) -> Share:
     own, others = held.error**2, (held.cut.gathered("y") - other.simulated) ** 2
     scored = held.scored & held.sure
     slices = held.cut.slices
-    count = math.ceil(PIECES / len(slices))
+    count = math.ceil(SYSTEMATIC.segments / len(slices))
     before, after = [own[p] for p in slices], [others[p] for p in slices]
     return compared(before, after, [scored[p] for p in slices], count)
 
@@ -139,9 +127,9 @@ def beaten(held: HeldOut, other: Reached) -> Share:
 def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:
     """None where the windows are too short for it."""
     best: tuple[float, int, Arx] | None = None
-    for stride in sorted({_stride(to_fit, rate) for rate in RATES}):
+    for stride in sorted({_stride(to_fit, rate) for rate in YARDSTICK.rates}):
         runs = _runs(to_fit, stride)
-        for order in ORDERS:
+        for order in YARDSTICK.orders:
             for integrates in (False, True):
                 arx = _fitted_arx(runs, order, integrates)
                 error = math.inf if arx is None else _error(arx, to_fit, runs)[0]
@@ -151,7 +139,7 @@ def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:
         return None
     _, stride, arx = best
     runs, asked = _runs(to_fit, stride), _runs(held_out, stride)
-    tried = [_fitted_narx(runs, arx, ridge) for ridge in RIDGES]
+    tried = [_fitted_narx(runs, arx, ridge) for ridge in YARDSTICK.ridges]
     narx = min(tried, key=lambda one: _error(one, to_fit, runs)[0])
     plain, bent = _error(arx, held_out, asked), _error(narx, held_out, asked)
     return Reached(plain[0], bent[0], min(plain, bent, key=lambda each: each[0])[1])
@@ -169,7 +157,9 @@ def _runs(cut: Cut, stride: int) -> list[Run | None]:
     for rows in cut.slices:
         count = (rows.stop - rows.start) // stride
         kept = slice(rows.start, rows.start + count * stride)
-        out.append(_run(y[kept], u[kept], good[kept], started[kept], stride) if count >= _FEWEST else None)
+        out.append(
+            _run(y[kept], u[kept], good[kept], started[kept], stride) if count >= YARDSTICK.fewest else None
+        )
     return out
 
 
@@ -230,7 +220,7 @@ def _bent(past: Array) -> Array:
 
 
 def _sign(x: Array) -> Array:
-    return np.tanh(x / _SIGN)
+    return np.tanh(x / YARDSTICK.sharp)
 
 
 def _fitted_narx(runs: Sequence[Run | None], arx: Arx, ridge: float) -> Narx:

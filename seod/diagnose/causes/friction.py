@@ -53,7 +53,7 @@ LUGRE_LEVEL, LUGRE_WAYS = 0.2, (0.03, 0.003)
 the swing; chosen."""
 GRID_LEVELS: Final = (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)
 """Friction in the relay's grid, over the pressure at which the load would stall: denser near it."""
-GRID_LEVELS_BESIDE: Final = (0.3, 0.6, 0.85)
+GRID_LEVELS_PAIRED: Final = (0.3, 0.6, 0.85)
 """The same beside another cause of the grid."""
 FALLEN_SPEED: Final = 0.45
 """Of friction in the grid, the speed at which it has fallen: over the limit cycle's largest without it."""
@@ -97,26 +97,29 @@ def _within_fall(effects: Effects, _: Scales) -> None:
     falls["level"] = min(falls["level"], STIFFEST_PART * STEEPEST_SIMULATED * falls["speed"])
 
 
-def _bristles(s: Scales) -> tuple[Coordinate, ...]:
-    softest, stiffest = SOFTEST_LUGRE * s.pressure / s.swing, STIFFEST_LUGRE * s.pressure / s.swing
+def _lugre(s: Scales) -> tuple[Coordinate, ...]:
+    softest, stiffest = (
+        SOFTEST_LUGRE * s.pressure / s.peak_to_peak,
+        STIFFEST_LUGRE * s.pressure / s.peak_to_peak,
+    )
     return (
         sized("stiffness", softest, min(stiffest, STIFFEST_SIMULATED)),
         sized("damping", LEAST_LUGRE_DAMPING * s.omega_n, LARGEST_LUGRE_DAMPING * s.omega_n),
     )
 
 
-def _bristle_starts(s: Scales) -> tuple[tuple[float, ...], ...]:
-    stiff = [LUGRE_LEVEL * s.pressure / (x * s.swing) for x in LUGRE_WAYS]
+def _lugre_starts(s: Scales) -> tuple[tuple[float, ...], ...]:
+    stiff = [LUGRE_LEVEL * s.pressure / (x * s.peak_to_peak) for x in LUGRE_WAYS]
     return tuple((x, LUGRE_DAMPING_START * math.sqrt(x)) for x in stiff)
 
 
 def _within_level(effects: Effects, s: Scales) -> None:
-    bristles, level = effects["lugre_friction"], effects["coulomb_friction"]["level"]
+    lugre, level = effects["lugre_friction"], effects["coulomb_friction"]["level"]
     falls = {f"stribeck_friction.{of}": value for of, value in effects.get("stribeck_friction", {}).items()}
-    stiffest = min(STIFFEST_LUGRE / s.swing, STIFFEST_PART * stiffest_bristles(falls))
-    bristles["stiffness"] = min(bristles["stiffness"], stiffest * level)
-    most = MOST_LUGRE_DAMPING * math.sqrt(bristles["stiffness"])
-    bristles["damping"] = min(bristles["damping"], most)
+    stiffest = min(STIFFEST_LUGRE / s.peak_to_peak, STIFFEST_PART * stiffest_bristles(falls))
+    lugre["stiffness"] = min(lugre["stiffness"], stiffest * level)
+    most = MOST_LUGRE_DAMPING * math.sqrt(lugre["stiffness"])
+    lugre["damping"] = min(lugre["damping"], most)
 
 
 COULOMB_FRICTION: Final = Cause(
@@ -130,7 +133,7 @@ COULOMB_FRICTION: Final = Cause(
             "coulomb_friction.level": shares["coulomb_friction.level"] * cycle.stalls
         },
         alone=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS),
-        beside=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS_BESIDE),
+        paired=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS_PAIRED),
     ),
 )
 STRIBECK_FRICTION: Final = Cause(
@@ -155,13 +158,13 @@ STRIBECK_FRICTION: Final = Cause(
 LUGRE_FRICTION: Final = Cause(
     name="lugre_friction",
     says="The friction gives way by {figure} (unit of position) before it slides.",
-    coordinates=_bristles,
-    starts=_bristle_starts,
+    coordinates=_lugre,
+    starts=_lugre_starts,
     within=_within_level,
     plain=Plain(
         "coulomb_friction",
         becomes=None,
-        grows=lambda v, s: lugre_values(v["coulomb_friction.level"], s.swing),
+        grows=lambda v, s: lugre_values(v["coulomb_friction.level"], s.peak_to_peak),
     ),
     grid=Grid(
         sizes=lambda shares, sizes, cycle: lugre_values(

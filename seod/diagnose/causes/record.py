@@ -156,15 +156,15 @@ class Cycle:
 
     Attributes:
         omega: Its frequency [rad/s].
-        half: Half of its swing [unit].
+        half: Half of its oscillation, peak to peak [unit].
         stalls: Pressure at which the load would stall, as acceleration [unit/s^2].
-        swing: From end to end of the load [unit], with the sizes known so far.
+        peak_to_peak: From end to end of the load [unit], with the sizes known so far.
     """
 
     omega: float
     half: float
     stalls: float
-    swing: Callable[[Values], float]
+    peak_to_peak: Callable[[Values], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,7 @@ class Grid:
         sizes: Its parameters, from shares of the limit cycle and the other causes' sizes; None: its plants
             have no shares.
         alone: Shares in the grid.
-        beside: Shares beside another cause of the grid; none: it is tried alone.
+        paired: Shares beside another cause of the grid; none: it is tried alone.
         begins: Its parameters from those of a plant with its plain form, and half of that plant's swing
             without effects.
         settles: Shares that are not in the grid: from its plain form's best plants the search goes on with
@@ -186,7 +186,7 @@ class Grid:
 
     sizes: Callable[[Values, Values, Cycle], Values] | None = None
     alone: tuple[Values, ...] = ()
-    beside: tuple[Values, ...] = ()
+    paired: tuple[Values, ...] = ()
     begins: Callable[[Values, float], Values] | None = None
     settles: Values | None = None
     ramps: Callable[[float, float], Values] | None = None
@@ -220,7 +220,7 @@ class Cause:
         states: Columns of initial states that are free with it, beside those of Eq. 1.
         mirrored: Parameters that turn their sign with that of the command.
         wave: How it repeats; None: it is no wave.
-        play: Parameter that is a gap in which the load may have been at rest anywhere; "" without one.
+        gap: Parameter that is a gap in which the load may have been at rest anywhere; "" without one.
         unsigned: Parameter that is 1 where readings have lost their sign: the plant to begin from is that of
             readings that have been given the sign of a simulation; "" where readings keep it.
         offset: Parameter by which it is a constant acceleration, in which Eq. 1 is linear; "" without one.
@@ -242,13 +242,13 @@ class Cause:
     states: tuple[State, ...] = ()
     mirrored: tuple[str, ...] = ()
     wave: Wave | None = None
-    play: str = ""
+    gap: str = ""
     unsigned: str = ""
     offset: str = ""
     figure: Callable[[Effects], float] | None = None
 
     @property
-    def beside(self) -> str:
+    def needs(self) -> str:
         """The cause without which it does nothing; "" where it acts alone."""
         return self.plain.name if self.plain is not None and self.plain.becomes is None else ""
 

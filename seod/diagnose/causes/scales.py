@@ -18,7 +18,7 @@ class Scales:
         pressure: Load pressure by the baseline, seldom exceeded, as acceleration [unit/s^2].
         centre: Mean position [unit].
         travel: Range of positions [unit].
-        swing: Typical movement between two reversals [unit].
+        peak_to_peak: Typical movement between two reversals [unit].
         omega_n: Of the baseline [rad/s].
         span_s: Length of the longest recording [s].
         tick_s: Sampling interval [s].
@@ -33,7 +33,7 @@ class Scales:
         levels: How many different ones there are.
         pressed: The supply pressure changes.
         force: Standard deviation of what is measured of a disturbance [its unit], 0 without such a channel.
-        told: Causes whose size the user tells: they are not searched.
+        given: Causes whose size the user tells: they are not searched.
     """
 
     volts: float
@@ -41,7 +41,7 @@ class Scales:
     pressure: float
     centre: float
     travel: float
-    swing: float
+    peak_to_peak: float
     omega_n: float
     span_s: float
     tick_s: float
@@ -56,4 +56,4 @@ class Scales:
     levels: int = 1000
     pressed: bool = False
     force: float = 0.0
-    told: frozenset[str] = frozenset()
+    given: frozenset[str] = frozenset()

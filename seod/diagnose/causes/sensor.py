@@ -33,7 +33,7 @@ GAPS: Final = (0.006, 0.03, 0.15, 0.5)
 """Starts of it; chosen."""
 GRID_GAPS: Final = (0.1, 0.25, 0.4, 0.55, 0.7, 0.82, 0.92)
 """Backlash in the relay's grid, over the swing without it: denser where it takes nearly all."""
-GRID_GAPS_BESIDE: Final = (0.15, 0.35, 0.6, 0.9)
+GRID_GAPS_PAIRED: Final = (0.15, 0.35, 0.6, 0.9)
 """The same beside friction, which makes the swing smaller."""
 LEAST_MOVEMENT: Final = 1e-3
 """Least swing that a backlash is a share of, over half of that without effects."""
@@ -59,7 +59,7 @@ searched, and its limit: three times as steep below 0."""
 
 
 def _gap(shares: Values, sizes: Values, cycle: Cycle) -> Values:
-    moves = max(cycle.swing(sizes), LEAST_MOVEMENT * cycle.half)
+    moves = max(cycle.peak_to_peak(sizes), LEAST_MOVEMENT * cycle.half)
     return {"backlash.gap": max(shares["backlash.gap"] * moves, LEAST["backlash.gap"])}
 
 
@@ -85,22 +85,24 @@ OVER_PLACE: Final = Wave("wavenumber", "place", fewest=1.25)
 BACKLASH: Final = Cause(
     name="backlash",
     says="There is play between the actuator and what is measured: a turn shows once the gap is used up.",
-    coordinates=lambda s: (linear("gap", GAP_SCALE * s.swing, LEAST_GAP * s.swing, WIDEST_GAP * s.swing),),
-    starts=lambda s: tuple((x * s.swing,) for x in GAPS),
+    coordinates=lambda s: (
+        linear("gap", GAP_SCALE * s.peak_to_peak, LEAST_GAP * s.peak_to_peak, WIDEST_GAP * s.peak_to_peak),
+    ),
+    starts=lambda s: tuple((x * s.peak_to_peak,) for x in GAPS),
     remote=SLOWED_BY_BACKLASH,
     grid=Grid(
         sizes=_gap,
         alone=tuple({"backlash.gap": x} for x in GRID_GAPS),
-        beside=tuple({"backlash.gap": x} for x in GRID_GAPS_BESIDE),
+        paired=tuple({"backlash.gap": x} for x in GRID_GAPS_PAIRED),
     ),
     states=("loose",),
-    play="gap",
+    gap="gap",
 )
 POSITION_RIPPLE: Final = Cause(
     name="position_ripple",
     says="The sensor's error repeats over the travel: an eccentric encoder, a pole pitch.",
     coordinates=lambda s: OVER_PLACE.coordinates(
-        "position_ripple", RIPPLE_SIZE * s.swing, RIPPLE_NARROW / s.travel, *_repeating(s)
+        "position_ripple", RIPPLE_SIZE * s.peak_to_peak, RIPPLE_NARROW / s.travel, *_repeating(s)
     ),
     states=("position",),
     wave=OVER_PLACE,

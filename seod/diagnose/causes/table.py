@@ -41,7 +41,7 @@ FROM_GRID: Final = DELAYS.union(IN_GRID, SETTLED, RAMPED, {SHAKES})
 """Causes that may be tried from a plant of the grid."""
 RICHER: Final = {name: one.plain.name for name, one in CAUSES.items() if one.plain and one.plain.grows}
 """Causes that are tried from a set with their plain form, each with that."""
-GAPS: Final = frozenset(f"{name}.{one.play}" for name, one in CAUSES.items() if one.play)
+GAPS: Final = frozenset(f"{name}.{one.gap}" for name, one in CAUSES.items() if one.gap)
 """Places of gaps in which the load may have been at rest anywhere."""
 OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUSES.items() if one.offset)
 """The cause that is a constant acceleration, and its parameter: Eq. 1 is linear in it."""
@@ -63,8 +63,8 @@ def wave_of(name: str) -> Wave:
 
 def searched_causes(scales: Scales) -> list[str]:
     """Causes that a simulation can show in these recordings, but for those that act only beside another."""
-    asked = [name for name, one in CAUSES.items() if not one.beside and one.searched(scales)]
-    return [name for name in asked if name not in scales.told]
+    asked = [name for name, one in CAUSES.items() if not one.needs and one.searched(scales)]
+    return [name for name in asked if name not in scales.given]
 
 
 def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
@@ -72,8 +72,8 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
 
     Not those whose own limits leave no room in recordings of these sizes.
     """
-    beside = [name for name, one in CAUSES.items() if one.beside in names]
-    lacking = [each for each in (*searched_causes(scales), *beside) if each not in names]
+    needing = [name for name, one in CAUSES.items() if one.needs in names]
+    lacking = [each for each in (*searched_causes(scales), *needing) if each not in names]
     return [each for each in lacking if CAUSES[each].has_room(scales)]
 
 
@@ -91,7 +91,7 @@ def grown(name: str, values: Values, scales: Scales) -> Values:
 
 def bound_to(name: str) -> set[str]:
     """Causes that do nothing without this one."""
-    return {other for other, one in CAUSES.items() if one.beside == name}
+    return {other for other, one in CAUSES.items() if one.needs == name}
 
 
 def hidden_by_relay() -> dict[str, Hidden]:
@@ -142,7 +142,7 @@ def grid_shares() -> Iterator[Values]:
         yield from grid.alone
     for k, one in enumerate(grids):
         for other in grids[k + 1 :]:
-            yield from (a | b for a, b in product(one.beside, other.beside))
+            yield from (a | b for a, b in product(one.paired, other.paired))
 
 
 def grows_with_movement(place: str) -> bool:

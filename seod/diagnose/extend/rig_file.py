@@ -42,33 +42,35 @@ def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
     view = AxisView(config, axis)
     if not (view.per_volt > 0.0 and view.slope > 0.0 and model.K_L > 0.0):
         raise ValueError(f"axis {axis}: its plant, its sensor or its output is turned round")
-    told = model.in_units_of(view.slope, view.per_volt).numbers()
+    numbers = model.in_units_of(view.slope, view.per_volt).numbers()
     for name in set(sensor_effects(view.plant)) - {"sensor_quantization"}:
-        told["effects"].pop(name, None)  # the plant's `sensor` has it
+        numbers["effects"].pop(name, None)  # the plant's `sensor` has it
     plants = config.simulation.plants if config.simulation else {}
     plant = next(name for name, each in plants.items() if each is view.plant)
-    places: dict[KeyPath, object] = {("simulation", "plants", plant, key): each for key, each in told.items()}
+    places: dict[KeyPath, object] = {
+        ("simulation", "plants", plant, key): each for key, each in numbers.items()
+    }
     if config.server.port:
         places["server", "port"] = config.server.port + ASIDE
     return edited(text, places)
 
 
-def new_rig_file(model: Model, found: Seen, speed: bool, source: str) -> str:
+def new_rig_file(model: Model, excitation: Seen, speed: bool, source: str) -> str:
     """A rig file of a virtual rig that is excited as the recording was.
 
     Args:
         model: The plant.
-        found: What the recording tells of its excitation.
+        excitation: What the recording tells of its excitation.
         speed: Whether y is a speed.
         source: Name of the recording.
 
     Raises:
         ConfigErrors: Its numbers make no rig, such as a range that is empty.
     """
-    bias = math.copysign(found.bias, found.bias * model.K_L)
+    bias = math.copysign(excitation.bias, excitation.bias * model.K_L)
     plant = model.upright()
     filled = _TEMPLATE.read_text("utf-8")
-    fields = _words(found, speed, source) | _ranges(plant, found, speed, bias)
+    fields = _words(excitation, speed, source) | _ranges(plant, excitation, speed, bias)
     for key, value in fields.items():
         filled = filled.replace(f"<{key}>", value)
     lines = [line for line in filled.splitlines(keepends=True) if not line.lstrip().startswith("~")]
@@ -80,40 +82,40 @@ def new_rig_file(model: Model, found: Seen, speed: bool, source: str) -> str:
     return text
 
 
-def _ranges(plant: Model, found: Seen, speed: bool, bias: float) -> dict[str, str]:
+def _ranges(plant: Model, excitation: Seen, speed: bool, bias: float) -> dict[str, str]:
     """The axis' numbers: limits of a rig that cannot be hurt, wide around what was seen and is expected."""
-    at_resonance = 1.3 * found.e_a * plant.K_L / (2.0 * plant.zeta)
-    swing = at_resonance / plant.omega_n + found.hysteresis
-    reach = 4.0 * max(swing, found.high - found.low)
-    seen = max(abs(found.low), abs(found.high)) if speed else 0.0
-    fastest = 4.0 * max(seen, at_resonance, plant.K_L * found.most_volts)
-    reference = found.centre if speed else 0.0
+    at_resonance = 1.3 * excitation.e_a * plant.K_L / (2.0 * plant.zeta)
+    swing = at_resonance / plant.omega_n + excitation.hysteresis
+    reach = 4.0 * max(swing, excitation.high - excitation.low)
+    seen = max(abs(excitation.low), abs(excitation.high)) if speed else 0.0
+    fastest = 4.0 * max(seen, at_resonance, plant.K_L * excitation.most_volts)
+    reference = excitation.centre if speed else 0.0
     held = abs(reference) / plant.K_L
-    rate = min(_RATES[1], max(_RATES[0], found.rate_hz))
+    rate = min(_RATES[1], max(_RATES[0], excitation.rate_hz))
     numbers = {
         "rate": rate,
         "K_L": plant.K_L,
-        "e_a": found.e_a,
-        "hysteresis": found.hysteresis,
+        "e_a": excitation.e_a,
+        "hysteresis": excitation.hysteresis,
         "bias": bias - reference / plant.K_L,
-        "output": 2.0 * max(found.most_volts, found.e_a + abs(bias)) + 2.0 * held,
-        "low": -fastest if speed else found.centre - 4.0 * reach,
-        "high": fastest if speed else found.centre + 4.0 * reach,
+        "output": 2.0 * max(excitation.most_volts, excitation.e_a + abs(bias)) + 2.0 * held,
+        "low": -fastest if speed else excitation.centre - 4.0 * reach,
+        "high": fastest if speed else excitation.centre + 4.0 * reach,
         "amplitude": reach,
         "speed": fastest,
         "movement": 0.01 * (fastest if speed else swing),
         "reference": reference,
-        "position": found.centre,
+        "position": excitation.centre,
     }
     return {key: f"{rounded(x)!r}" for key, x in numbers.items()}
 
 
-def _words(found: Seen, speed: bool, source: str) -> dict[str, str]:
+def _words(excitation: Seen, speed: bool, source: str) -> dict[str, str]:
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(source).name.split(".")[0]).strip("-_")
     return {
         "name": name[:40] or "recording",
         "source": " ".join(source.split()),
-        "unit": _unit(found.unit, speed),
+        "unit": _unit(excitation.unit, speed),
         "mode": "velocity" if speed else "position",
         "speed_only": "" if speed else "~",
         "position_only": "~" if speed else "",

@@ -92,9 +92,9 @@ def _relay(u: Array) -> Rows:
     steps = np.flatnonzero(np.abs(np.diff(u)) > same) + 1
     if len(steps) < _FEWEST_SWITCHES:
         return _NO_ROWS
-    pieces = np.split(u, steps)
-    level = np.array([float(np.median(piece)) for piece in pieces])
-    flat = np.array([float(np.max(np.abs(piece - np.median(piece)))) <= same for piece in pieces])
+    segments = np.split(u, steps)
+    level = np.array([float(np.median(segment)) for segment in segments])
+    flat = np.array([float(np.max(np.abs(segment - np.median(segment)))) <= same for segment in segments])
     alternates = (np.abs(level[2:] - level[:-2]) <= same) & flat[2:] & flat[1:-1] & flat[:-2]
     first, last = _longest(alternates)
     found = steps[first : last + 1][_ENTRY:] if last > first else _NO_ROWS

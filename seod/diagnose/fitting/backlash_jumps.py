@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 import numpy as np
 
 from seod.diagnose.fitting.simulate import FOLLOWED, VELOCITY, inside, simulate
+from seod.diagnose.tuning.fitting import BACKLASH_JUMPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
 
-_LONGEST: Final = 20.0
 _SPREAD: Final = 1.0 / 12.0
 """Variance of a place within one interval."""
 
@@ -65,7 +65,7 @@ def jumps(record: NDArray[np.void]) -> bool:
 def contacts(cut: Cut, seen: Array, states: Array) -> Contacts:
     """Of simulated readings, shape (n,), with what is inside, shape (n, 5)."""
     begins = np.zeros(len(seen), np.bool_)
-    begins[[piece.start for piece in cut.slices]] = True
+    begins[[rows.start for rows in cut.slices]] = True
     found = np.flatnonzero((seen != 0.0) & (np.roll(seen, 1) == 0.0) & ~begins)
     moved = states[found, FOLLOWED] - states[found - 1, FOLLOWED]
     interval = cut.gathered("t")[found] - cut.gathered("t")[found - 1]
@@ -101,11 +101,11 @@ def softness(record: NDArray[np.void], cut: Cut, start: Array) -> Softness:
     seen, states = inside(record, cut, start)
     error = np.where(cut.good, cut.gathered("y") - seen, 0.0)
     error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
-    square = np.array([float(error[piece] @ error[piece]) for piece in cut.slices])
+    square = np.array([float(error[rows] @ error[rows]) for rows in cut.slices])
     jump = contacts(cut, seen, states).jump
     late = float(square.sum()) / max(float(jump @ jump), 1e-300)
     level = np.sqrt(np.maximum(square / cut.sizes, cut.noise**2))
-    return Softness(1.0 + min(late, _LONGEST), level)
+    return Softness(1.0 + min(late, BACKLASH_JUMPS.longest), level)
 
 
 def sure(record: NDArray[np.void], cut: Cut, seen: Array, states: Array) -> Mask:

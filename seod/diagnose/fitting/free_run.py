@@ -7,7 +7,7 @@ before, come to numbers for the whole; whether these foretell more is asked of r
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,19 +17,15 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
 from seod.diagnose.record.windows import Cut, all_but, segments
 from seod.diagnose.result import FreeRun
+from seod.diagnose.tuning.fitting import FREE_RUN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array
-
-LONGER: Final = 4.0
-"""Factor from one length of windows to the next: a fit to the next begins near enough. Chosen."""
-LEAST_GAIN: Final = 0.05
-"""Part by which the error in one run has to fall, of rows that no fit saw: less is chance. Chosen."""
 
 
 def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> tuple[FreeRun, ...]:
@@ -43,33 +39,35 @@ def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> 
     return tuple(out)
 
 
-def _rms(one: Series, simulated: Array) -> float:
-    error = (one.y - simulated)[one.good]
+def _rms(recording: Series, simulated: Array) -> float:
+    error = (recording.y - simulated)[recording.good]
     return float(np.sqrt(np.mean(np.square(np.nan_to_num(error, nan=np.inf)))))
 
 
-def fitted_in_one_run(found: Fitted, held_out: Cut, each: Each, ended: Callable[[], bool]) -> Fitted:
+def fitted_in_one_run(
+    fitted: Fitted, held_out: Cut, parallel: ParallelMap, ended: Callable[[], bool]
+) -> Fitted:
     """The same set with numbers for the whole recordings, if they foretell more in one run; else as it is.
 
     Args:
-        found: Fitted to windows.
+        fitted: Fitted to windows.
         held_out: Windows whose rows no fit sees; their series are the recordings.
-        each: As `map`.
+        parallel: As `map`.
         ended: Tells when no further fit begins.
     """
     rest = all_but(held_out.series, held_out)
-    longest = max(float(one.t[-1] - one.t[0]) for one in rest.series)
-    length = LONGER * max(one.window_s for one in rest.series)
-    best = newest = found
+    longest = max(float(recording.t[-1] - recording.t[0]) for recording in rest.series)
+    length = FREE_RUN.longer * max(recording.window_s for recording in rest.series)
+    best = newest = fitted
     while not ended():
         cut = segments(Cut(rest.series, _whole_series(rest.series)), length)
         start = begun_states(newest.model, newest.x, cut)
-        newest = fit(newest.model, cut, newest.x, start, each=each, ended=ended)
-        if _unseen(newest, held_out) < (1.0 - LEAST_GAIN) * _unseen(best, held_out):
+        newest = fit(newest.model, cut, newest.x, start, parallel=parallel, ended=ended)
+        if _unseen(newest, held_out) < (1.0 - FREE_RUN.least_gain) * _unseen(best, held_out):
             best = newest
         if length >= longest:
             break
-        length *= LONGER
+        length *= FREE_RUN.longer
     return best
 
 
@@ -77,11 +75,11 @@ def _whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
     return tuple((k, 0, len(one.t)) for k, one in enumerate(series))
 
 
-def _unseen(found: Fitted, held_out: Cut) -> float:
+def _unseen(fitted: Fitted, held_out: Cut) -> float:
     """Root mean square of the error in one run where no fit saw, over each series' deviation."""
     total = count = 0.0
     for k, one in enumerate(held_out.series):
-        simulated, counts = whole(found.model, found.x, held_out, k)
+        simulated, counts = whole(fitted.model, fitted.x, held_out, k)
         own = np.zeros(len(one.t), np.bool_)
         for of, first, last in held_out.windows:
             own[first:last] |= of == k

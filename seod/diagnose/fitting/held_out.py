@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,17 +13,13 @@ from seod.diagnose.fitting.initial_states import measured_places, simulated_stat
 from seod.diagnose.fitting.least_squares import least_square, settle, weighted
 from seod.diagnose.fitting.simulate import inside, simulate
 from seod.diagnose.record.coarse_sensor import beyond
-from seod.diagnose.record.windows import AT_EDGE, SETTLING_PART, Cut
+from seod.diagnose.record.windows import Cut
+from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.record import WINDOWS
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, Mask
-
-ADEQUATE: Final = 1.15
-"""Held-out squared error over the noise's, up to which nothing is left: the noise is known to some
-percent, and initial states fitted to a fifth of a window add theirs."""
-DIVERGED: Final = 10.0
-"""Ranges of the recording beyond which a simulation has left it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +123,7 @@ def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:
     """One simulation of a whole series, and which rows of it count: those after its first windows' fifth."""
     one = cut.series[k]
     every = Cut(cut.series, ((k, 0, len(one.t)),))
-    first = one.good & (one.t - one.t[0] < SETTLING_PART * one.window_s - AT_EDGE * one.tick)
+    first = one.good & (one.t - one.t[0] < WINDOWS.settling_part * one.window_s - WINDOWS.at_edge * one.tick)
     begun = Cut(cut.series, ((k, 0, int(np.max(np.flatnonzero(first), initial=1)) + 1),))
     start = settle(model, begun, x, measured_places(every), first[: begun.windows[0][2]])
     return simulate(model.record(x), every, start), one.good & ~first
@@ -139,7 +135,7 @@ def wholes(model: Model, x: Array, cut: Cut) -> tuple[list[Array], float, bool]:
     for k, one in enumerate(cut.series):
         y, counts = whole(model, x, cut, k)
         off = np.abs(y - one.y)[counts]
-        diverged |= not bool(np.all(off < DIVERGED * np.ptp(one.y[one.good])))
+        diverged |= not bool(np.all(off < HELD_OUT.diverged * np.ptp(one.y[one.good])))
         simulated.append(y)
         scored.append((one.y, y, counts))
     return simulated, nrmse(scored), diverged

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.least_squares import SETTLING_STEPS, LeastSquares, settle
+from seod.diagnose.fitting.least_squares import LeastSquares, settle
 from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
 from seod.diagnose.record.windows import Cut
-
-ALIKE_WINDOWS: Final = 4.0
-"""Squared error of a window, over the least of all, up to which another window may take its states."""
-SIGN_LOST: Final = 0.5
-"""Part of a sensor's rectifying from which on readings below 0 are shown above it."""
-PLACES_IN_GAP: Final = (0.5, 0.0, 1.0)
-"""In a gap where the load may have been at rest, over it."""
+from seod.diagnose.tuning.fitting import FIT, INITIAL_STATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,10 +31,10 @@ def measured_places(cut: Cut) -> Array:
     return start
 
 
-def travelled(one: Series) -> Array:
+def travelled(recording: Series) -> Array:
     """Positions by the integral of a speed, from 0, shape (n,)."""
-    y = np.interp(one.t, one.t[one.good], one.y[one.good])
-    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(one.t))])
+    y = np.interp(recording.t, recording.t[recording.good], recording.y[recording.good])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(recording.t))])
 
 
 def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
@@ -52,7 +46,7 @@ def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Ar
     record = model.record(x)
     gap = float(record["backlash_gap"][0])
     behind = gap > 0.0 and not model.sees_speed
-    unsigned = float(record["rectified_sensor_part"][0]) > SIGN_LOST and not model.sees_speed
+    unsigned = float(record["rectified_sensor_part"][0]) > INITIAL_STATES.sign_lost and not model.sees_speed
     for k, begin, end in _blocks(cut):
         block = Cut(cut.series, ((k, begin, end),))
         rest = measured_places(block)
@@ -80,13 +74,13 @@ def _blocks(cut: Cut) -> list[tuple[int, int, int]]:
     ]
 
 
-def carried_states(found: Fitted, cut: Cut) -> Array:
+def carried_states(fitted: Fitted, cut: Cut) -> Array:
     """Initial states of other windows by going on from the fitted ones before them, shape (w, 7).
 
     A sensor's ripple may have several places for one reading: where the load is, its past tells.
     """
-    record = found.model.record(found.x)
-    start, begins = measured_places(cut), _begins(found, cut.series)
+    record = fitted.model.record(fitted.x)
+    start, begins = measured_places(cut), _begins(fitted, cut.series)
     for (k, row), state in begins.items():
         last = next((b for a, b in cut.series[k].blocks if a <= row < b), len(cut.series[k].t))
         end = min((b for of, b in begins if of == k and row < b < last), default=last - 1)
@@ -112,7 +106,7 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     model, fitted = found.model, found.cut
     record, start = model.record(found.x), measured_places(cut)
     seen, states = inside(record, fitted, found.start)
-    good = np.repeat(found.error <= ALIKE_WINDOWS * np.min(found.error), fitted.sizes)
+    good = np.repeat(found.error <= INITIAL_STATES.alike_windows * np.min(found.error), fitted.sizes)
     phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
     volts, ago = (np.concatenate(each) for each in zip(*phases, strict=True))
     for w, (k, first, _) in enumerate(cut.windows):
@@ -125,18 +119,18 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _phases(one: Series, t: Array) -> tuple[Array, Array]:
+def _phases(recording: Series, t: Array) -> tuple[Array, Array]:
     """Commands at these times, and for how long they have been given."""
-    told = np.flatnonzero(np.diff(one.u, prepend=np.nan) != 0.0)
-    last = told[np.maximum(np.searchsorted(one.t_u[told], t, "right") - 1, 0)]
-    return one.u[last], t - one.t_u[last]
+    changes = np.flatnonzero(np.diff(recording.u, prepend=np.nan) != 0.0)
+    last = changes[np.maximum(np.searchsorted(recording.t_u[changes], t, "right") - 1, 0)]
+    return recording.u[last], t - recording.t_u[last]
 
 
-def _begins(found: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
+def _begins(fitted: Fitted, series: Sequence[Series]) -> dict[tuple[int, int], Array]:
     """Fitted states by recording and row, the rows counted as in these series."""
     return {
-        (k, int(np.searchsorted(series[k].t, found.cut.series[k].t[first]))): state
-        for (k, first, _), state in zip(found.cut.windows, found.start, strict=True)
+        (k, int(np.searchsorted(series[k].t, fitted.cut.series[k].t[first]))): state
+        for (k, first, _), state in zip(fitted.cut.windows, fitted.start, strict=True)
     }
 
 
@@ -150,9 +144,13 @@ def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
 
     Where in a gap the load was at rest shows until it has been at both flanks, beside friction for long.
     """
-    places = PLACES_IN_GAP if model.record(x)["backlash_gap"][0] > 0.0 else PLACES_IN_GAP[:1]
+    places = (
+        INITIAL_STATES.places_in_gap
+        if model.record(x)["backlash_gap"][0] > 0.0
+        else INITIAL_STATES.places_in_gap[:1]
+    )
     start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)
-    return settle(model, cut, x, start, cut.good, most=SETTLING_STEPS)
+    return settle(model, cut, x, start, cut.good, most=FIT.settling_steps)
 
 
 def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:

@@ -23,9 +23,11 @@ class Judged:
     held: HeldOut
 
     @classmethod
-    def of(cls, found: Fitted, held_out: Cut) -> Self:
+    def of(cls, fitted: Fitted, held_out: Cut) -> Self:
         """A fitted set, simulated where no fit has seen."""
-        return cls(found, simulate_held_out(found.model, found.x, held_out, *known_states(found, held_out)))
+        return cls(
+            fitted, simulate_held_out(fitted.model, fitted.x, held_out, *known_states(fitted, held_out))
+        )
 
     @cached_property
     def whole(self) -> float:
@@ -33,10 +35,10 @@ class Judged:
         return wholes(self.found.model, self.found.x, self.held.cut)[1]
 
 
-def known_states(found: Fitted, cut: Cut) -> list[Array]:
+def known_states(fitted: Fitted, cut: Cut) -> list[Array]:
     """Initial states of windows by those that were fitted."""
     relayed = cut.relayed
-    return [carried_states(found, cut), *([alike_states(found, cut)] if relayed else [])]
+    return [carried_states(fitted, cut), *([alike_states(fitted, cut)] if relayed else [])]
 
 
 def gain(fewer: Judged, more: Judged) -> float:

@@ -8,7 +8,7 @@ by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from seod.diagnose.fitting.normal_equations import Normal, Table
 from seod.diagnose.fitting.simulate import LOOSE, VELOCITY, loosest
 from seod.diagnose.record.coarse_sensor import beyond
 from seod.diagnose.record.windows import Cut
+from seod.diagnose.tuning.fitting import FIT
 from sim.physics import dry_friction
 
 if TYPE_CHECKING:
@@ -27,31 +28,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, Mask
 
-    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-
-MOST_STEPS: Final = 15
-"""Of a search, at most."""
-DERIVATIVE_STEP: Final = 1e-3
-"""Change of a searched number by which derivatives are taken."""
-LARGEST_LOG_STEP: Final = 1.0
-"""Change of a logarithm in one step, at most."""
-LARGEST_LINEAR_STEP: Final = 30.0
-"""Change of another searched number in one step, at most."""
-NOISE_ALONE: Final = 1.03
-"""Squared error over the noise's, up to which nothing else is left: the noise is known to some percent."""
-LEAST_IMPROVEMENT: Final = 1e-4
-"""Improvement of the mean log error below which a search has ended."""
-STATE_STEP_PART: Final = 0.05
-"""Change of a state by which derivatives are taken, over the range that it has, at most."""
-STATE_PART: Final = 0.3
-"""Of a step of a window's initial state, where all of it is too far."""
-SETTLING_STEPS: Final = 2
-"""Steps of the initial states alone, where a step of the numbers is too far."""
-_DAMPINGS_TRIED: Final = 4
-_AHEAD: Final = 0.1
-"""Part of a step at which the second derivative along it is taken."""
-_BEND: Final = 0.5
-"""Largest correction by it, over the step."""
+    ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +65,11 @@ def fit(
     cut: Cut,
     x: Array,
     start: Array,
-    most: int = MOST_STEPS,
-    each: Each = map,
+    most: int = FIT.most_steps,
+    parallel: ParallelMap = map,
     free: Mask | None = None,
     ended: Callable[[], bool] = lambda: False,
-    enough: float = LEAST_IMPROVEMENT,
+    enough: float = FIT.least_improvement,
 ) -> Fitted:
     """Search from `x` and initial states `start`.
 
@@ -100,9 +77,9 @@ def fit(
     improves the mean log error by less than `enough` is the last.
     """
     free = np.ones(len(x), np.bool_) if free is None else free
-    search = LeastSquares(model, cut, each, free)
+    search = LeastSquares(model, cut, parallel, free)
     if np.any(cut.slack > 0.0) and most > 1:
-        near = LeastSquares(model, rounded(cut), each, free).run(x, start, most // 2, ended)
+        near = LeastSquares(model, rounded(cut), parallel, free).run(x, start, most // 2, ended)
         most -= most // 2
         if search.costs(near.x, near.start) < search.costs(x, start):
             x, start = near.x, near.start
@@ -128,17 +105,17 @@ class Place(NamedTuple):
 class LeastSquares:
     """A search under way: what is measured, and what is free."""
 
-    def __init__(self, model: Model, cut: Cut, each: Each, free: Mask) -> None:
-        self.model, self.cut, self.each = model, cut, each
+    def __init__(self, model: Model, cut: Cut, parallel: ParallelMap, free: Mask) -> None:
+        self.model, self.cut, self.parallel = model, cut, parallel
         self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
-        self.count = np.array([np.count_nonzero(self.good[piece]) for piece in self.slices])
+        self.count = np.array([np.count_nonzero(self.good[rows]) for rows in self.slices])
         self.floor = least_square(cut)
         self.soft: Softness | None = None
         low, high = model.bounds
         self.low, self.high = low, high
         self.free = np.flatnonzero(free & (low < high))
         self.reach = np.array(
-            [LARGEST_LOG_STEP if c.logarithm else LARGEST_LINEAR_STEP for c in model.coordinates]
+            [FIT.largest_log_step if c.logarithm else FIT.largest_linear_step for c in model.coordinates]
         )
         self._last: tuple[Array, NDArray[np.void]] | None = None
 
@@ -148,7 +125,7 @@ class LeastSquares:
         start: Array,
         most: int,
         ended: Callable[[], bool] = lambda: False,
-        enough: float = LEAST_IMPROVEMENT,
+        enough: float = FIT.least_improvement,
     ) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
         at = Place(x, start, *self.tried(x, start))
@@ -164,7 +141,7 @@ class LeastSquares:
             parts = self.derivatives(*at)
             curvature = parts.curvature()
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
-            for _ in range(_DAMPINGS_TRIED if self.soft is None else 2 * _DAMPINGS_TRIED):
+            for _ in range(FIT.dampings_tried if self.soft is None else 2 * FIT.dampings_tried):
                 found = self.stepped(parts, at, damping, bounds)
                 if found is not None or ended():
                     break
@@ -190,7 +167,7 @@ class LeastSquares:
         if better is not None or not len(self.free):
             return better
         x, start = at.x + straight[0], at.start + straight[1]
-        start = settle(self.model, self.cut, x, start, self.good, SETTLING_STEPS)
+        start = settle(self.model, self.cut, x, start, self.good, FIT.settling_steps)
         settled = Place(x, start, *self.tried(x, start))
         return settled if self.cost(settled.error) < self.cost(at.error) else None
 
@@ -209,10 +186,10 @@ class LeastSquares:
         step, states = straight
         if not step.any():
             return straight
-        ahead, _ = self.tried(at.x + _AHEAD * step, at.start + _AHEAD * states)
-        second = (2.0 / _AHEAD) * ((at.residual - ahead) / _AHEAD - parts.along(step, states))
+        ahead, _ = self.tried(at.x + FIT.ahead * step, at.start + FIT.ahead * states)
+        second = (2.0 / FIT.ahead) * ((at.residual - ahead) / FIT.ahead - parts.along(step, states))
         turn, moved = parts.step(damping, *bounds, right=parts.projected(-0.5 * second))
-        if not parts.length(turn) < _BEND * parts.length(step):
+        if not parts.length(turn) < FIT.bend * parts.length(step):
             return straight
         return np.clip(step + turn, *bounds), states + moved
 
@@ -233,7 +210,7 @@ class LeastSquares:
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
         residual = np.where(self.good, _weighted(self.record(x), self.cut, start, self.soft), 0.0)
-        square = np.array([float(residual[piece] @ residual[piece]) for piece in self.slices])
+        square = np.array([float(residual[rows] @ residual[rows]) for rows in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
     def better(self, at: Place, step: Array, states: Array) -> Place | None:
@@ -243,7 +220,7 @@ class LeastSquares:
         """
         x = at.x + step
         new, residual, now = self.moved(x, at.start, states, 1.0)
-        for part in (STATE_PART, 0.0):
+        for part in (FIT.state_part, 0.0):
             worse = ~(now < at.error)
             if not worse.any():
                 break
@@ -264,10 +241,10 @@ class LeastSquares:
         states, sizes = self.model.states, self.model.state_sizes
         ranges = np.full(len(sizes), np.inf)
         ranges[LOOSE] = loosest(self.record(x))
-        sizes = np.minimum(sizes, STATE_STEP_PART * ranges)
-        steps = np.where(x + DERIVATIVE_STEP > self.high, -DERIVATIVE_STEP, DERIVATIVE_STEP)
+        sizes = np.minimum(sizes, FIT.state_step_part * ranges)
+        steps = np.where(x + FIT.derivative_step > self.high, -FIT.derivative_step, FIT.derivative_step)
         trials = self._trials(x, start, sizes, steps)
-        others = self.each(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
+        others = self.parallel(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
         divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
         columns = [
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
@@ -276,9 +253,7 @@ class LeastSquares:
         if LOOSE in states:
             self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
         weights = 1.0 / (error + self.floor)
-        products = [
-            w * (every[piece].T @ every[piece]) for w, piece in zip(weights, self.slices, strict=True)
-        ]
+        products = [w * (every[rows].T @ every[rows]) for w, rows in zip(weights, self.slices, strict=True)]
         table = Table(every, weights, self.slices)
         prior = (sizes / ranges)[states] ** 2
         return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
@@ -312,7 +287,10 @@ class LeastSquares:
 
 def rounded(cut: Cut) -> Cut:
     """The same, rounding as white noise: from afar it leads to the right place, not quite into it."""
-    every = [replace(one, slack=0.0, level=one.noise, allowed=one.noise) for one in cut.series]
+    every = [
+        replace(recording, slack=0.0, level=recording.noise, allowed=recording.noise)
+        for recording in cut.series
+    ]
     return Cut(every, cut.windows)
 
 
@@ -340,5 +318,5 @@ def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int
     """Initial states fitted to these `rows` only, the parameters given; shape (w, 7)."""
     search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows
-    search.count = np.array([np.count_nonzero(search.good[piece]) for piece in search.slices])
+    search.count = np.array([np.count_nonzero(search.good[rows]) for rows in search.slices])
     return search.run(x, start, most).start

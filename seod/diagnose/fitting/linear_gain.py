@@ -49,11 +49,11 @@ def linear_gain(
     K_L = model.values(x)["K_L"]
     every = [*columns, (at_rest - offset) / K_L, (pushed - at_rest) / bias, search.y - offset]
     table = np.stack(every, axis=1) * search.good[:, None]
-    products = np.array([table[piece].T @ table[piece] for piece in search.slices])
+    products = np.array([table[rows].T @ table[rows] for rows in search.slices])
     normal = Normal(products, model.states, model.state_sizes, np.arange(2), 2)
     found = _solved(normal.total, known)
-    error = normal.left[:, 2, 2] - 2.0 * normal.left[:, 2, :2] @ found
-    error += np.einsum("i,wij,j->w", found, normal.left[:, :2, :2], found)
+    error = normal.reduced[:, 2, 2] - 2.0 * normal.reduced[:, 2, :2] @ found
+    error += np.einsum("i,wij,j->w", found, normal.reduced[:, :2, :2], found)
     return (
         float(found[0]) or 1e-9,
         float(found[1]),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.causes.base import BASE, base
 from seod.diagnose.causes.table import CAUSES, bound_to, group
+from seod.diagnose.tuning.fitting import SUBSTEPS
 from sim.effects import EFFECTS
 from sim.parameters import parameters
 from sim.windows import START
@@ -22,15 +23,6 @@ if TYPE_CHECKING:
     from seod.diagnose.causes.record import Coordinate
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Array, Effects
-
-SEARCH_ACCURACY: Final = 0.3
-"""Substep times the fastest rate in a search: readings then differ by some 1e-4 of the movement at most."""
-SHORTEST_SUBSTEP: Final = 0.03
-"""Substeps that an orifice asks for, over the longest: a search need not come nearer to its limit."""
-QUICK_POLE: Final = 1.0
-STABLE_SUBSTEP: Final = 1.5
-"""A pole that decays within a tick need not be followed: above `QUICK_POLE` times the sampling rate
-substeps grow, as far as the method is stable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +43,7 @@ class Model:
     coordinates: tuple[Coordinate, ...]
     fixed: Mapping[str, Mapping[str, float]]
     sees_speed: bool
-    accuracy: float = SEARCH_ACCURACY
+    accuracy: float = SUBSTEPS.search_accuracy
 
     @property
     def states(self) -> list[int]:
@@ -68,8 +60,8 @@ class Model:
     def state_sizes(self) -> Array:
         """A small change of each column of an initial state, shape (7,)."""
         s = self.scales
-        reading = s.speed if self.sees_speed else s.swing
-        sizes = [s.pressure, s.speed, s.swing, s.speed, s.swing, reading, s.swing]
+        reading = s.speed if self.sees_speed else s.peak_to_peak
+        sizes = [s.pressure, s.speed, s.peak_to_peak, s.speed, s.peak_to_peak, reading, s.peak_to_peak]
         return 1e-3 * np.maximum(sizes, 1e-30)
 
     def values(self, x: Array) -> Values:
@@ -103,7 +95,7 @@ class Model:
         accuracy = tolerance(omega_n, zeta, self.scales.tick_s, self.accuracy)
         effects = self.effects(x)
         return parameters(
-            K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SHORTEST_SUBSTEP, measures_speed=speed
+            K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SUBSTEPS.shortest, measures_speed=speed
         )
 
     def with_effect(self, name: str) -> Model:
@@ -128,10 +120,12 @@ class Model:
         return replace(self, names=names, coordinates=kept)
 
 
-def tolerance(omega_n: float, zeta: float, tick_s: float, accuracy: float = SEARCH_ACCURACY) -> float:
+def tolerance(
+    omega_n: float, zeta: float, tick_s: float, accuracy: float = SUBSTEPS.search_accuracy
+) -> float:
     """Of a search's simulation, see `sim.parameters`: poles quicker than a tick need not be followed."""
     quick = omega_n * max(1.0, 2.0 * zeta) * tick_s
-    return min(accuracy * max(1.0, quick / QUICK_POLE), STABLE_SUBSTEP)
+    return min(accuracy * max(1.0, quick / SUBSTEPS.quick_pole), SUBSTEPS.stable)
 
 
 def baseline_model(

@@ -45,8 +45,8 @@ class Normal:
         ridge = 1e-9 * np.einsum("wii->wi", own) + 1e-12 * np.trace(own, axis1=1, axis2=2)[:, None] + 1e-200
         self.inverse = np.linalg.inv(own + ridge[:, :, None] * np.eye(n))
         self.solved = self.inverse @ products[:, :n, n:]
-        self.left = products[:, n:, n:] - np.swapaxes(products[:, :n, n:], 1, 2) @ self.solved
-        self.total = self.left.sum(axis=0)
+        self.reduced = products[:, n:, n:] - np.swapaxes(products[:, :n, n:], 1, 2) @ self.solved
+        self.total = self.reduced.sum(axis=0)
 
     def curvature(self) -> Array:
         """Of all searched numbers, zero for those that are not free."""
@@ -65,8 +65,8 @@ class Normal:
         own = states[:, self.states] / self.sizes[self.states]
         columns = self.table.columns
         out = columns[:, self.count : -1] @ step[self.free]
-        for piece, of in zip(self.table.slices, own, strict=True):
-            out[piece] += columns[piece, : self.count] @ of
+        for rows, of in zip(self.table.slices, own, strict=True):
+            out[rows] += columns[rows, : self.count] @ of
         return np.asarray(out)
 
     def projected(self, x: Array) -> Array:
@@ -74,7 +74,7 @@ class Normal:
         assert self.table is not None  # noqa: S101 - only a search asks
         table = self.table
         pairs = zip(table.weights, table.slices, strict=True)
-        return np.array([w * (x[piece] @ table.columns[piece, :-1]) for w, piece in pairs])
+        return np.array([w * (x[rows] @ table.columns[rows, :-1]) for w, rows in pairs])
 
     def step(
         self, damping: float, low: Array, high: Array, right: Array | None = None

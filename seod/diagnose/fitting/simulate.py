@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.fitting import work
+from seod.diagnose.tuning.fitting import SIMULATION
 from sim.physics import friction_level
 from sim.state import new_state
 from sim.windows import INSIDE, START, follow_windows
@@ -23,8 +24,6 @@ PRESSURE, VELOCITY, POSITION, VELOCITY_2, POSITION_2, LAGGED, LOOSE = range(STAT
 """Columns of initial states, `sim.windows.START`."""
 FOLLOWED, LOOSE_INSIDE = INSIDE.index("followed"), INSIDE.index("loose")
 """Further columns of what is inside, `sim.windows.INSIDE`; its first three are as of `START`."""
-LEFT_RECORDING: Final = 1e3
-"""Largest reading of a recording, times which a simulation has left it."""
 _NOTHING = np.empty((0, len(INSIDE)))
 
 
@@ -52,7 +51,7 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         y = np.empty(len(one.t))
         z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
         given = *one.drive, one.t, one.supply, one.warmth, one.force
-        limit = LEFT_RECORDING * float(np.max(np.abs(one.y)))
+        limit = SIMULATION.gone_beyond * float(np.max(np.abs(one.y)))
         follow_windows(record[0], valve[0], load[0], *given, first, last, start[own], limit, y, z)
         work.spend(float(load["steps"][0]), int(np.sum(last - first)))
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]

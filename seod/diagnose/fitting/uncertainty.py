@@ -15,6 +15,7 @@ from seod.diagnose.fitting.least_squares import LeastSquares, least_square, weig
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
 from seod.diagnose.result import Parameter
+from seod.diagnose.tuning.fitting import UNCERTAINTY
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
 
@@ -25,21 +26,16 @@ if TYPE_CHECKING:
     from sim.effects import Parameter as EffectParameter
 
 SD_OF_95: Final = 1.96
-FEWEST_BLOCKS: Final = 24
-"""Pieces of the held-out windows that are compared, at least."""
-NEAR_LIMIT: Final = 1e-6
-"""Part of a searched number's range at whose ends it counts as being there."""
-_STEP: Final = 1e-4
 
 
-def covariance(found: Fitted) -> Array:
+def covariance(fitted: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
 
     Of a coarse sensor's samples those count that lie outside their interval, by their own error.
     """
-    cut = found.cut
-    residual = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
-    curvature = _curvature(found)
+    cut = fitted.cut
+    residual = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
+    curvature = _curvature(fitted)
     if np.any(cut.slack > 0.0):
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
@@ -47,43 +43,43 @@ def covariance(found: Fitted) -> Array:
     scaled = curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
     whitened = np.concatenate(
-        [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, found.error, strict=True)]
+        [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, fitted.error, strict=True)]
     )
     out = np.asarray(inverse * max(1.0, correlation_time(whitened)))
-    for k, coordinate in enumerate(found.model.coordinates):
+    for k, coordinate in enumerate(fitted.model.coordinates):
         if coordinate.place in GAPS:
-            out[k, k] += (_closing(found) / coordinate.scale) ** 2
+            out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
     return out
 
 
-def _closing(found: Fitted) -> float:
+def _closing(fitted: Fitted) -> float:
     """Uncertainty of a gap seen closing [unit]: jumps of a regular movement lie alike between samples."""
-    record = found.model.record(found.x)
+    record = fitted.model.record(fitted.x)
     if not jumps(record):
         return 0.0
-    jump = contacts(found.cut, *inside(record, found.cut, found.start)).jump
-    tick = found.cut.series[found.cut.windows[0][0]].tick
+    jump = contacts(fitted.cut, *inside(record, fitted.cut, fitted.start)).jump
+    tick = fitted.cut.series[fitted.cut.windows[0][0]].tick
     return float(np.median(np.abs(jump))) * tick / math.sqrt(12.0) if len(jump) else 0.0
 
 
-def _curvature(found: Fitted) -> Array:
+def _curvature(fitted: Fitted) -> Array:
     """Of the fit; anew where jumps were ramps, with the shortest, and where it ended at once."""
-    if found.curvature.any() and not jumps(found.model.record(found.x)):
-        return found.curvature
-    search = LeastSquares(found.model, found.cut, map, np.ones(len(found.x), np.bool_))
-    residual, error = search.tried(found.x, found.start)
-    return search.derivatives(found.x, found.start, residual, error).curvature()
+    if fitted.curvature.any() and not jumps(fitted.model.record(fitted.x)):
+        return fitted.curvature
+    search = LeastSquares(fitted.model, fitted.cut, map, np.ones(len(fitted.x), np.bool_))
+    residual, error = search.tried(fitted.x, fitted.start)
+    return search.derivatives(fitted.x, fitted.start, residual, error).curvature()
 
 
-def base_sd(found: Fitted, spread: Array) -> dict[str, float]:
+def base_sd(fitted: Fitted, spread: Array) -> dict[str, float]:
     """Standard deviations of K_L, omega_n and zeta, whose logarithms are searched."""
-    values = found.model.values(found.x)
+    values = fitted.model.values(fitted.x)
     return {name: abs(values[name]) * math.sqrt(max(spread[k, k], 0.0)) for k, name in enumerate(BASE)}
 
 
-def effect_parameters(found: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
+def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
     """Values of an effect's parameters with their 95 % intervals; of what is not searched without width."""
-    model, x = found.model, found.x
+    model, x = fitted.model, fitted.x
     values, out = grouped(model.values(x))[name], {}
     every = model.effects(x)[name]
     for each in EFFECTS[name].parameters:
@@ -93,7 +89,7 @@ def effect_parameters(found: Fitted, name: str, spread: Array) -> dict[str, Para
             continue
         place = f"{name}.{each.name}"
         value = values[each.name]
-        slope = _slope(found, name, each.name)
+        slope = _slope(fitted, name, each.name)
         sd = math.sqrt(max(float(slope @ spread @ slope), 0.0))
         logarithm = any(c.place == place and c.logarithm for c in model.coordinates)
         ends = _ends(value, sd, logarithm)
@@ -101,39 +97,39 @@ def effect_parameters(found: Fitted, name: str, spread: Array) -> dict[str, Para
     return out
 
 
-def reaches_null(found: Fitted, name: str, spread: Array) -> bool:
+def reaches_null(fitted: Fitted, name: str, spread: Array) -> bool:
     """Whether the 95 % interval of an effect's size reaches the value at which it does nothing.
 
     An effect's first parameter is its size; of one that has parts each one is.
     """
     effect = EFFECTS[name]
     sizes = effect.parameters if effect.parts else effect.parameters[:1]
-    values = grouped(found.model.values(found.x))[name]
-    return all(_near_null(found, name, each, spread) for each in sizes if each.name in values)
+    values = grouped(fitted.model.values(fitted.x))[name]
+    return all(_near_null(fitted, name, each, spread) for each in sizes if each.name in values)
 
 
-def _near_null(found: Fitted, name: str, each: EffectParameter, spread: Array) -> bool:
-    value = grouped(found.model.values(found.x))[name][each.name]
-    slope = _slope(found, name, each.name)
+def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Array) -> bool:
+    value = grouped(fitted.model.values(fitted.x))[name][parameter.name]
+    slope = _slope(fitted, name, parameter.name)
     reach = SD_OF_95 * math.sqrt(max(float(slope @ spread @ slope), 0.0))
-    off = abs(value) if math.isinf(each.null) else abs(value - each.null)
-    place = f"{name}.{each.name}"
-    return off <= reach or any(at == place and end == each.null for at, end in _limits(found))
+    off = abs(value) if math.isinf(parameter.null) else abs(value - parameter.null)
+    place = f"{name}.{parameter.name}"
+    return off <= reach or any(at == place and end == parameter.null for at, end in _limits(fitted))
 
 
-def at_limits(found: Fitted) -> list[str]:
+def at_limits(fitted: Fitted) -> list[str]:
     """Places of searched numbers that are at an end of their range, where it is none that does nothing."""
-    return [place for place, end in _limits(found) if math.isnan(end)]
+    return [place for place, end in _limits(fitted) if math.isnan(end)]
 
 
-def _limits(found: Fitted) -> list[tuple[str, float]]:
+def _limits(fitted: Fitted) -> list[tuple[str, float]]:
     """Places of searched numbers at an end of their range, with the null value that lies there, else nan."""
     out = []
-    for x, c in zip(found.x, found.model.coordinates, strict=True):
+    for x, c in zip(fitted.x, fitted.model.coordinates, strict=True):
         low, high = c.bounds
-        if high - x < NEAR_LIMIT * (high - low):
+        if high - x < UNCERTAINTY.near_limit * (high - low):
             out.append((c.place, math.inf if _null(c.place) == math.inf else math.nan))
-        elif x - low < NEAR_LIMIT * (high - low):
+        elif x - low < UNCERTAINTY.near_limit * (high - low):
             out.append((c.place, 0.0 if _null(c.place) == 0.0 and c.low >= 0.0 else math.nan))
     return out
 
@@ -145,19 +141,19 @@ def _null(place: str) -> float:
     return next((each.null for each in every if each.name == of), math.nan)
 
 
-def _slope(found: Fitted, name: str, of: str) -> Array:
+def _slope(fitted: Fitted, name: str, of: str) -> Array:
     """Of a parameter by the searched numbers."""
-    slope = np.zeros(len(found.x))
+    slope = np.zeros(len(fitted.x))
     for k in range(len(slope)):
         values = []
         for sign in (1.0, -1.0):
-            x = found.x.copy()
-            x[k] += sign * _STEP
-            values.append(grouped(found.model.values(x))[name][of])
+            x = fitted.x.copy()
+            x[k] += sign * UNCERTAINTY.derivative_step
+            values.append(grouped(fitted.model.values(x))[name][of])
         change = values[0] - values[1]
         if of == "phase":
             change = math.remainder(change, 2.0 * math.pi)
-        slope[k] = change / (2.0 * _STEP)
+        slope[k] = change / (2.0 * UNCERTAINTY.derivative_step)
     return slope
 
 
@@ -169,22 +165,22 @@ def _ends(value: float, sd: float, logarithm: bool) -> tuple[float, float]:
 
 
 def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
-    """Of no gain: a one-sided t-test of the log errors of pieces of the same windows, with and without.
+    """Of no gain: a one-sided t-test of the log errors of parts of the same windows, with and without.
 
     Times the number of causes that were `tried` (Bonferroni): the best of many gains by chance.
     """
-    pieces = max(1, math.ceil(FEWEST_BLOCKS / len(without.cut.windows)))
-    difference = _block_logs(without, pieces) - _block_logs(with_it, pieces)
+    parts = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
+    difference = _block_logs(without, parts) - _block_logs(with_it, parts)
     if len(difference) < 3 or not np.ptp(difference) > 0.0:
         return 1.0
     return min(1.0, tried * float(ttest_1samp(difference, 0.0, alternative="greater").pvalue))
 
 
-def _block_logs(held: HeldOut, pieces: int) -> Array:
+def _block_logs(held: HeldOut, parts: int) -> Array:
     counts = held.scored & held.sure
     square = np.where(counts, held.error, 0.0) ** 2
     out = []
     for p, least in zip(held.cut.slices, least_square(held.cut), strict=True):
-        rows = np.array_split(np.flatnonzero(counts[p]), pieces)
+        rows = np.array_split(np.flatnonzero(counts[p]), parts)
         out += [float(np.mean(square[p][each])) + least for each in rows if len(each)]
     return np.asarray(np.log(out))

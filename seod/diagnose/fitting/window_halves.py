@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.held_out import ADEQUATE
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.record.windows import Cut, cut
+from seod.diagnose.tuning.fitting import HELD_OUT, WINDOW_HALVES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,50 +18,45 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
 
-SHOWS_MORE: Final = 2.0
-"""Squared error over the noise's from which on windows show something that the model does not."""
-FINER_CUTS: Final = (1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
-"""Windows over the usual number of them."""
-
 
 def one_sided(fitted: HeldOut, held: HeldOut) -> bool:
     """Whether one half shows something of which there is nothing in the other."""
     less, more = sorted((fitted.adequacy, held.adequacy))
-    return less < ADEQUATE and more > SHOWS_MORE
+    return less < HELD_OUT.adequate and more > WINDOW_HALVES.shows_more
 
 
-def misfits(found: Fitted) -> bool:
+def misfits(fitted: Fitted) -> bool:
     """Whether it leaves more than noise of a window that it was fitted to, as where a limit cycle grows.
 
     Two lags may pass for a limited rate at one amplitude, which is all that windows held out show.
     """
-    return bool(np.max(found.error / found.cut.allowed**2) > SHOWS_MORE)
+    return bool(np.max(fitted.error / fitted.cut.allowed**2) > WINDOW_HALVES.shows_more)
 
 
-def fits_both(found: Fitted, held: HeldOut) -> bool:
+def fits_both(fitted: Fitted, held: HeldOut) -> bool:
     """Whether a fit of all windows leaves no more than noise of any, though one of the half missed the rest.
 
     That half told too little of the effects' size then, as where the supply pressure fell in the other alone.
     """
-    if held.adequacy > SHOWS_MORE:
+    if held.adequacy > WINDOW_HALVES.shows_more:
         return False
-    windows = (*found.cut.windows, *held.cut.windows)
+    windows = (*fitted.cut.windows, *held.cut.windows)
     order = sorted(range(len(windows)), key=lambda k: windows[k])
     every = Cut(held.cut.series, tuple(windows[k] for k in order))
-    start = np.concatenate([found.start, held.start])[order]
-    both = fit(found.model, every, found.x, start)
-    return bool(np.max(both.error / every.allowed**2) < ADEQUATE)
+    start = np.concatenate([fitted.start, held.start])[order]
+    both = fit(fitted.model, every, fitted.x, start)
+    return bool(np.max(both.error / every.allowed**2) < HELD_OUT.adequate)
 
 
-def finer(every: Sequence[Series], found: Fitted) -> tuple[Cut, Cut] | None:
+def finer(every: Sequence[Series], fitted: Fitted) -> tuple[Cut, Cut] | None:
     """As few windows more as let both halves show what this model does not; None if it is too rare.
 
     Args:
         every: The recordings.
-        found: The model.
+        fitted: The model.
     """
-    for more in FINER_CUTS:
+    for more in WINDOW_HALVES.finer_cuts:
         halves = cut(every, more)
-        if all(Judged.of(found, half).held.adequacy > SHOWS_MORE for half in halves):
+        if all(Judged.of(fitted, half).held.adequacy > WINDOW_HALVES.shows_more for half in halves):
             return halves
     return None

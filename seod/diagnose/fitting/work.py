@@ -8,30 +8,25 @@ depends on how far the others are; whoever waits for them has then used what all
 from __future__ import annotations
 
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from seod.diagnose.tuning.fitting import WORK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+    ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 One = TypeVar("One")
 Made = TypeVar("Made")
 
-STEP_NS: Final = 40
-"""A Runge-Kutta step of the kernel. This one and the two below: least squares of processor times of four
-diagnoses of 60 s at 2 kHz and one of 10 s, which they give to 5 %; `bench/diagnose.py` prints both sides."""
-ROW_NS: Final = 55
-"""A row's residual, and its part of derivatives and normal equations."""
-SIMULATION_NS: Final = 100_000
-"""A simulation's beginning and end, and Python around it."""
 
 _used_ns: ContextVar[int] = ContextVar("used_ns", default=0)
 
 
 def spend(steps: float, rows: int) -> None:
     """Count one simulation of so many steps and rows."""
-    _used_ns.set(_used_ns.get() + SIMULATION_NS + STEP_NS * int(steps) + ROW_NS * rows)
+    _used_ns.set(_used_ns.get() + WORK.simulation_ns + WORK.step_ns * int(steps) + WORK.row_ns * rows)
 
 
 def used_s() -> float:
@@ -39,7 +34,7 @@ def used_s() -> float:
     return 1e-9 * _used_ns.get()
 
 
-def counted(each: Each) -> Each:
+def counted(parallel: ParallelMap) -> ParallelMap:
     """A map over trials that counts what each of them uses, whatever thread it runs in."""
 
     def mapped(act: Callable[[One], Made], some: Iterable[One]) -> list[Made]:
@@ -52,7 +47,7 @@ def counted(each: Each) -> Each:
             finally:
                 _used_ns.reset(token)
 
-        made = list(each(alone, some))
+        made = list(parallel(alone, some))
         _used_ns.set(begun + sum(used for _, used in made))
         return [what for what, _ in made]
 

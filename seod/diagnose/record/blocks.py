@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.record.series import FEWEST_WINDOWS, Series
+from seod.diagnose.tuning.record import BLOCKS, SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-SEARCHED_ROWS: Final = 120_000
-"""Rows of all recordings in which causes are searched: a minute at 2 kHz."""
+    from seod.diagnose.record.series import Series
+
 MARKS: Final = ((0,), (0, 1), (0, 1, 3), (0, 1, 4, 6), (0, 1, 4, 9, 11))
 """Where blocks begin, over the last one's place: Golomb's rulers. No two distances are alike, so that a wave
 which fits all blocks is not mistaken for one with some turns more between them."""
@@ -20,16 +20,16 @@ which fits all blocks is not mistaken for one with some turns more between them.
 
 def in_blocks(every: Sequence[Series]) -> list[Series]:
     """The same recordings; of those that are long, blocks from their beginning to their end."""
-    part = SEARCHED_ROWS / max(sum(len(one.t) for one in every), 1)
+    part = BLOCKS.searched_rows / max(sum(len(one.t) for one in every), 1)
     return [_in_blocks(one, round(part * len(one.t))) if part < 1.0 else one for one in every]
 
 
-def _in_blocks(one: Series, rows: int) -> Series:
+def _in_blocks(recording: Series, rows: int) -> Series:
     """As many blocks as are long enough, of so many rows together."""
-    least = int(FEWEST_WINDOWS * one.window_s / one.tick)
+    least = int(SERIES.fewest_windows * recording.window_s / recording.tick)
     count = min(max(rows // max(least, 1), 1), len(MARKS))
     size = max(rows // count, least)
-    if count * size >= len(one.t):
-        return one
+    if count * size >= len(recording.t):
+        return recording
     marks = np.array(MARKS[count - 1]) / max(MARKS[count - 1][-1], 1)
-    return one.searched_in((marks * (len(one.t) - size)).astype(int).tolist(), size)
+    return recording.searched_in((marks * (len(recording.t) - size)).astype(int).tolist(), size)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.tuning.record import CLOSED_FORM
 from seod.identify.fit import fit
 from seod.identify.problem import Given
 from seod.identify.record import IdentifyError, Record, UntoldError
@@ -21,14 +22,10 @@ if TYPE_CHECKING:
     from seod.data import Recording
     from seod.diagnose.result import Hold, Output
 
-CLEARLY: Final = 0.6
-"""NRMSE of the other type over that of the usual one, below which y is taken for the other; chosen."""
-SAMPLES: Final = 6000
-"""Of a recording, to which it is fitted."""
 TYPES: Final = {"position": "type 1: y follows the integral of u", "velocity": "type 0: y follows u itself"}
 
 
-class Told(NamedTuple):
+class UserValues(NamedTuple):
     """What the user tells of a plant.
 
     Attributes:
@@ -49,15 +46,17 @@ class ClosedForm(NamedTuple):
     nrmse: float
 
 
-def closed_form(recordings: Sequence[Recording], output: Output, told: Told) -> ClosedForm:
+def closed_form(recordings: Sequence[Recording], output: Output, given: UserValues) -> ClosedForm:
     """Eq. 1 with an offset, and a delay where none is known, fitted to whole recordings."""
     try:
         records = [
-            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=told.hold).thinned(SAMPLES)
+            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=given.hold).thinned(
+                CLOSED_FORM.samples
+            )
             for each in recordings
         ]
         with np.errstate(all="ignore"):
-            found = fit(records, Given(told.gain, told.delay))
+            found = fit(records, Given(given.gain, given.delay))
     except (UntoldError, IdentifyError, np.linalg.LinAlgError, ArithmeticError, ValueError):
         return ClosedForm({}, math.inf)
     return (
@@ -75,7 +74,7 @@ def output_type(left: Mapping[Output, float], usual: Output) -> tuple[Output, st
         usual: What y is unless the other is clearly nearer.
     """
     other: Output = "velocity" if usual == "position" else "position"
-    chosen, rest = (other, usual) if left[other] < CLEARLY * left[usual] else (usual, other)
+    chosen, rest = (other, usual) if left[other] < CLOSED_FORM.clearly * left[usual] else (usual, other)
     return chosen, (
         f"y is taken for a {_word(chosen)} ({TYPES[chosen]}): Eq. 1 with offset and delay leaves "
         f"{_percent(left[chosen])}, as a {_word(rest)} {_percent(left[rest])}; --output says which it is"

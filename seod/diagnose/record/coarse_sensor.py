@@ -11,25 +11,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.tuning.record import COARSE
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
 
-ROUNDING_WHITE_ABOVE: Final = 0.2
-"""Noise over the step, from which on rounding is as good as white noise."""
-PASSED_BETWEEN: Final = 0.5
-"""Steps from one reading to the next, in the mean, from which on it likewise is, where readings are held."""
-LEAST_NOISE: Final = 0.02
-"""Noise over the step that a fit reckons with, at least."""
-MOST_NOISE: Final = 0.1
-"""Noise over the step that may be: what is left by as much is not called unexplained."""
-NOISE_MARGIN: Final = 1.3
-"""Over the noise as changes of readings tell it: of a fast movement they tell too little."""
 _CHANGES: Final = 2.0 / math.sqrt(math.pi)
 """Changes of a reading by noise, of samples that pass steps slowly, for each: times noise over step."""
 _BEYOND: Final = 2.0 * math.sqrt(2.0 / math.pi) / 3.0
 """Mean square beyond the interval, over deviation^3 / step: both ends, positions within the step alike."""
-_THERE_AND_BACK: Final = 0.1
-"""Of the mean time between two steps: a change and its contrary within it are noise, no movement."""
 
 
 class Readings(NamedTuple):
@@ -60,12 +50,13 @@ def readings(y: Array, good: Mask, step: float, noise: float, *, held: bool = Fa
     turn = float(np.angle(np.mean(np.exp(2j * math.pi * y[good] / step)))) / (2.0 * math.pi)
     number = np.round(y / step - turn)
     beneath = noise_beneath(number[good])
-    passes = held and float(np.mean(np.abs(np.diff(number[good])))) > PASSED_BETWEEN
-    if passes or beneath > ROUNDING_WHITE_ABOVE:
+    passes = held and float(np.mean(np.abs(np.diff(number[good])))) > COARSE.passed_between
+    if passes or beneath > COARSE.white_above:
         least = max(noise, rounding)
         return Readings(y, 0.0, least, least, least)
     level, allowed = (
-        step * math.sqrt(_BEYOND * max(NOISE_MARGIN * beneath, sd) ** 3) for sd in (LEAST_NOISE, MOST_NOISE)
+        step * math.sqrt(_BEYOND * max(COARSE.noise_margin * beneath, sd) ** 3)
+        for sd in (COARSE.least_noise, COARSE.most_noise)
     )
     middle = np.where(good, (number + turn) * step, y)
     return Readings(middle, 0.5 * step, level, allowed, rounding)
@@ -79,7 +70,7 @@ def noise_beneath(number: Array) -> float:
     change, apart = np.diff(number)[rows], np.diff(rows)
     back = change[1:] * change[:-1] < 0.0
     passes = max(len(rows) - int(np.count_nonzero(back)), 1)
-    near = apart < max(_THERE_AND_BACK * len(number) / passes, 2.0)
+    near = apart < max(COARSE.there_and_back * len(number) / passes, 2.0)
     return float(np.count_nonzero(back & near)) / (_CHANGES * len(number))
 
 

@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.tuning.record import COLUMNS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.data import Recording
     from seod.diagnose.result import Array
 
-SLOWEST_HZ: Final = 5.0
-"""Rate below which times are more likely milliseconds than seconds."""
-SAME_SIGNAL: Final = 0.99999
-"""Correlation of two columns that are one signal."""
 _UNITS: Final = {
     math.degrees(1.0): "degrees for radians",
     1e3: "thousandths for the unit itself",
@@ -25,8 +23,6 @@ _UNITS: Final = {
     2.0 * math.pi: "turns for radians",
     25.4: "mm for inches",
 }
-_UNIT_TOLERANCE: Final = 0.15
-"""Logarithm by which a ratio may miss the unit's."""
 
 
 def column_remarks(name: str, recording: Recording) -> list[str]:
@@ -37,7 +33,7 @@ def column_remarks(name: str, recording: Recording) -> list[str]:
         return []
     t, u, y = recording.t[both], u[both], y[both]
     remarks = []
-    if recording.rate_hz < SLOWEST_HZ:
+    if recording.rate_hz < COLUMNS.slowest_hz:
         remarks.append(
             f"{name}: {recording.rate_hz:.3g} samples a second: is t in ms? Then give --units t=ms"
         )
@@ -56,7 +52,7 @@ def column_remarks(name: str, recording: Recording) -> list[str]:
 
 
 def _one_signal(a: Array, b: Array) -> bool:
-    return abs(float(np.corrcoef(a, b)[0, 1])) > SAME_SIGNAL
+    return abs(float(np.corrcoef(a, b)[0, 1])) > COLUMNS.same_signal
 
 
 def _steps(x: Array) -> bool:
@@ -99,6 +95,6 @@ def _unit(ratio: float) -> str:
         return ""
     for factor, text in _UNITS.items():
         for sign in (1.0, -1.0):
-            if abs(math.log(ratio) - sign * math.log(factor)) < _UNIT_TOLERANCE:
+            if abs(math.log(ratio) - sign * math.log(factor)) < COLUMNS.unit_tolerance:
                 return text if sign > 0.0 else " for ".join(reversed(text.split(" for ")))
     return ""

@@ -3,45 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from seod.diagnose.tuning.record import PERIOD
 
 if TYPE_CHECKING:
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
 
-REPEATS_ALIKE: Final = 0.9
-"""Correlation of the command with itself a period later."""
-HARMONICS: Final = 6
-"""Of the command, with which a disturbance can be in step; above it is hardly an answer."""
-SHORTEST_PERIOD_S: Final = 1.0
-"""Periods searched for: a faster limit cycle wanders, and does not look like a slow disturbance."""
-IRREGULAR_PERIOD: Final = 0.05
-MOSTLY_REGULAR: Final = 0.9
-"""How far a relay's periods are from their median, most of them, where it has a frequency."""
-REGULAR_CYCLES: Final = 10
-_GRID: Final = 1 << 14
-_REACH: Final = 4
-"""Samples either way, and how many times as many periods later, of the next look for the same period."""
-
 
 def in_step(cut: Cut, omega: float) -> bool:
     """Whether `omega` [rad/s] is a harmonic of a command, as far as its recording can tell."""
-    return any(_in_step(one, omega) for one in cut.series)
+    return any(_in_step(recording, omega) for recording in cut.series)
 
 
-def _in_step(one: Series, omega: float) -> bool:
-    period, lowest = relay_period_s(one.t, one.u), 1.5  # it may have locked to a disturbance of its frequency
+def _in_step(recording: Series, omega: float) -> bool:
+    period, lowest = (
+        relay_period_s(recording.t, recording.u),
+        1.5,
+    )  # it may have locked to a disturbance of its frequency
     if period is None:
-        period, lowest = command_period_s(one.t, one.u), 0.5
+        period, lowest = command_period_s(recording.t, recording.u), 0.5
     if period is None:
         return False
     order = omega * period / (2.0 * math.pi)
-    if not lowest < order < HARMONICS + 0.5:
+    if not lowest < order < PERIOD.harmonics + 0.5:
         return False
-    return abs(order - round(order)) < min(period / float(one.t[-1] - one.t[0]), 0.5)
+    return abs(order - round(order)) < min(period / float(recording.t[-1] - recording.t[0]), 0.5)
 
 
 def relay_period_s(t: Array, u: Array) -> float | None:
@@ -50,10 +41,10 @@ def relay_period_s(t: Array, u: Array) -> float | None:
     if not np.all((u == low) | (u == high)):
         return None
     periods = np.diff(rises(t, u))
-    if len(periods) < REGULAR_CYCLES:
+    if len(periods) < PERIOD.regular_cycles:
         return None
-    regular = periods[np.abs(periods / np.median(periods) - 1.0) < IRREGULAR_PERIOD]
-    return float(np.mean(regular)) if len(regular) > MOSTLY_REGULAR * len(periods) else None
+    regular = periods[np.abs(periods / np.median(periods) - 1.0) < PERIOD.irregular]
+    return float(np.mean(regular)) if len(regular) > PERIOD.mostly_regular * len(periods) else None
 
 
 def rises(t: Array, u: Array) -> Array:
@@ -61,23 +52,24 @@ def rises(t: Array, u: Array) -> Array:
     return np.asarray(t[1:][np.diff(u) > 0.0])
 
 
-def command_period_s(t: Array, u: Array, shortest_s: float = SHORTEST_PERIOD_S) -> float | None:
+def command_period_s(t: Array, u: Array, shortest_s: float = PERIOD.shortest_s) -> float | None:
     """Period of a command that repeats itself at least three times [s], None if it does not."""
-    even = np.linspace(t[0], t[-1], _GRID)
+    rows = PERIOD.grid_rows
+    even = np.linspace(t[0], t[-1], rows)
     x = np.interp(even, t, u)
     x = x - np.mean(x)
-    power = np.abs(np.fft.rfft(x, 2 * _GRID)) ** 2
-    alike = np.fft.irfft(power)[:_GRID] / np.arange(_GRID, 0, -1) / max(float(np.var(x)), 1e-300)
+    power = np.abs(np.fft.rfft(x, 2 * rows)) ** 2
+    alike = np.fft.irfft(power)[:rows] / np.arange(rows, 0, -1) / max(float(np.var(x)), 1e-300)
     tick = float(even[1] - even[0])
     below = np.flatnonzero(alike < 0.5)
     if not len(below):
         return None
     first = max(int(below[0]), math.ceil(shortest_s / tick))
-    last = int(_GRID / 3)
+    last = int(rows / 3)
     if first >= last:
         return None
     near = first + np.flatnonzero(
-        alike[first:last] > max(REPEATS_ALIKE, 0.97 * float(np.max(alike[first:last])))
+        alike[first:last] > max(PERIOD.repeats_alike, 0.97 * float(np.max(alike[first:last])))
     )
     if not len(near):
         return None
@@ -88,7 +80,8 @@ def command_period_s(t: Array, u: Array, shortest_s: float = SHORTEST_PERIOD_S) 
 def finer_period_s(t: Array, u: Array, period: float) -> float:
     """A period by the sample at which the command is most alike, ever more periods later [s]."""
     tick, x = float(np.median(np.diff(t))), u - np.mean(u)
-    reach, most = math.ceil((t[-1] - t[0]) / _GRID / tick) + 1, int(0.75 * (t[-1] - t[0]) / period)
+    lasts = t[-1] - t[0]
+    reach, most = math.ceil(lasts / PERIOD.grid_rows / tick) + 1, int(0.75 * lasts / period)
     count = 1
     while count <= most:
         about = round(count * period / tick)
@@ -96,6 +89,6 @@ def finer_period_s(t: Array, u: Array, period: float) -> float:
         if not lags:
             break
         miss = [float(np.mean((x[lag:] - x[: len(x) - lag]) ** 2)) for lag in lags]
-        period, reach = lags[int(np.argmin(miss))] * tick / count, _REACH
-        count *= _REACH
+        period, reach = lags[int(np.argmin(miss))] * tick / count, PERIOD.reach
+        count *= PERIOD.reach
     return period

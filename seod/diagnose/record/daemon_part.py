@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.records import Channel, Chunk, Message
 
+from seod.diagnose.tuning.record import DAEMON_PART
 from seod.files.damage import DamagedError
 from seod.record.layout import EVENTS, MODEL_ERRORS
 from seod.record.mcap_records import unpacked
@@ -15,9 +16,6 @@ from seod.record.read import RecordingError, beginning, message_json, records_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-LEAST_S: Final = 3.0
-"""Of a part that is diagnosed alone."""
 
 
 class Part(NamedTuple):
@@ -56,7 +54,7 @@ def telling_part(path: Path, axis: str | None) -> Part | None:
             excited.take(told["t"], told.get("state") == "exciting")
     excited.take(math.inf, False)
     for times, why in ((left, "the rig had left its model"), (excited, "the rig was excited")):
-        if times.longest[1] - times.longest[0] >= LEAST_S:
+        if times.longest[1] - times.longest[0] >= DAEMON_PART.least_s:
             return Part(*times.longest, why)
     return None
 

@@ -15,6 +15,7 @@ from seod.diagnose.record.outliers import outliers
 from seod.diagnose.record.sensor_step import Counts, counts
 from seod.diagnose.record.timing_jitter import Jitter, timing_jitter
 from seod.diagnose.result import Parameter
+from seod.diagnose.tuning.record import DEFECTS
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -25,21 +26,7 @@ if TYPE_CHECKING:
     from seod.diagnose.record.windows import Rows
     from seod.diagnose.result import Array, Mask
 
-FEWEST_SAMPLES: Final = 50
-"""Samples without which nothing is looked for."""
-UNMENTIONED_GAPS: Final = 5e-4
-"""Part of the samples that may be missing without a word."""
-MOSTLY_NOISE: Final = 0.5
-"""Part of y's deviation from which on its samples' errors are all there is."""
 _LARGEST: Final = 1e100
-ABSURD: Final = 1e9
-"""Times the spread of nearly all readings beyond which one is none: its square may not be a number."""
-CONTRADICTED: Final = 0.85
-"""Mean squared error of a simulation over what late samples would have, below which they are none."""
-READS_ALIKE: Final = 5.0
-"""Noise deviations within which a simulation reads what a sample does."""
-CLIPPED_READINGS: Final = 4
-"""Readings in a row that stand at the end of the range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +103,10 @@ class Defects:
             noise: Standard deviation of the samples [unit of y].
         """
         none = set()
-        if left < CONTRADICTED * self.late:
+        if left < DEFECTS.contradicted * self.late:
             none.add("timing_jitter")
         near = [
-            abs(simulated[row] - y) < READS_ALIKE * noise
+            abs(simulated[row] - y) < DEFECTS.reads_alike * noise
             for row, y in zip(self.off.tolist(), self.readings.tolist(), strict=True)
             if row in simulated
         ]
@@ -135,7 +122,7 @@ def examine(recording: Recording) -> Defects:
     recording = replace(recording, y=np.where(absurd, np.nan, recording.y))
     rows, times = np.flatnonzero(present & ~absurd), recording.t
     remarks = column_remarks(name, recording)
-    if len(rows) < FEWEST_SAMPLES or np.ptp(recording.y[rows]) == 0.0:
+    if len(rows) < DEFECTS.fewest_samples or np.ptp(recording.y[rows]) == 0.0:
         return Defects(absurd, remarks=tuple(remarks))
     held = held_readings(recording.t, recording.y)
     if held is not None:
@@ -146,23 +133,23 @@ def examine(recording: Recording) -> Defects:
     bad |= absurd if held is None else absurd | held.repeated
     rest = rows[~bad[rows]]
     found = stencils(recording.t, recording.y, rest)
-    if found.noise > MOSTLY_NOISE * float(np.std(recording.y[rest])):
+    if found.noise > DEFECTS.mostly_noise * float(np.std(recording.y[rest])):
         remarks.append(f"{name}: y is mostly noise: does the load move, is it the right column?")
     step = counts(recording.y[rest], found.noise)
     late = timing_jitter(found, recording.t[rest], recording.y[rest]) if step.step == 0.0 else Jitter()
     spread = late.deviations(max(found.noise, step.step / math.sqrt(12.0)), found)
     off = outliers(found, spread)
     bad[off.rows] = True
-    told = [_missing(times, present), _kept(held)]
+    defects = [_missing(times, present), _kept(held)]
     if off.p_value < 1.0:
-        told.append(_named("outliers", off.values, off.ci95, off.p_value))
+        defects.append(_named("outliers", off.values, off.ci95, off.p_value))
     if late.deviation > 0.0:
         values, ends = {"deviation": late.deviation}, {"deviation": late.ci95}
-        told.append(_named("timing_jitter", values, ends, late.p_value))
+        defects.append(_named("timing_jitter", values, ends, late.p_value))
     error = float(np.mean(spread[found.usable] ** 2)) if late.deviation > 0.0 else 0.0
-    found_ones = tuple(each for each in told if each)
+    seen = tuple(each for each in defects if each)
     taken = None if held is None else held.taken
-    return Defects(bad, found_ones, step, error, off.rows, recording.y[off.rows], taken, tuple(remarks))
+    return Defects(bad, seen, step, error, off.rows, recording.y[off.rows], taken, tuple(remarks))
 
 
 def _kept(held: Held | None) -> Defect | None:
@@ -179,15 +166,17 @@ def _absurd(y: Array) -> Mask:
         return np.isfinite(y)
     middle = float(np.median(y[near]))
     spread = float(np.quantile(np.abs(y[near] - middle), 0.99))
-    return np.isfinite(y) & ~(near & ((spread == 0.0) | (np.abs(y / ABSURD - middle / ABSURD) <= spread)))
+    return np.isfinite(y) & ~(
+        near & ((spread == 0.0) | (np.abs(y / DEFECTS.absurd - middle / DEFECTS.absurd) <= spread))
+    )
 
 
 def _named(
     name: str, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]], p_value: float
 ) -> Defect:
     units = {each.name: each.unit for each in EFFECTS[name].parameters}
-    told = {of: Parameter(value, units[of], ci95[of]) for of, value in values.items()}
-    return Defect(name, told, p_value)
+    shown = {of: Parameter(value, units[of], ci95[of]) for of, value in values.items()}
+    return Defect(name, shown, p_value)
 
 
 def _missing(t: Array, present: Mask) -> Defect | None:
@@ -198,7 +187,7 @@ def _missing(t: Array, present: Mask) -> Defect | None:
         there[np.concatenate([[0], np.cumsum(steps)])] = present
     lost = int(np.count_nonzero(~there))
     gaps = int(np.count_nonzero(np.diff(np.concatenate([[True], there]).astype(np.int8)) == -1))
-    if lost < UNMENTIONED_GAPS * len(there):
+    if lost < DEFECTS.unmentioned_gaps * len(there):
         return None
     rate, length = lost / len(there), lost / gaps
     spread = math.exp(1.96 * math.sqrt((2.0 - 1.0 / length) / gaps))
@@ -229,7 +218,7 @@ def clipped(y: Array) -> Mask:
 def _runs(at_end: Mask) -> list[tuple[int, int]]:
     edges = np.diff(np.concatenate([[0], at_end.astype(np.int8), [0]]))
     pairs = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)
-    return [(first, last) for first, last in pairs if last - first >= CLIPPED_READINGS]
+    return [(first, last) for first, last in pairs if last - first >= DEFECTS.clipped_readings]
 
 
 def _clipped_remark(name: str, ends: Array) -> str:

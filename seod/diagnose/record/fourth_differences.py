@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.tuning.record import FOURTH_DIFFERENCES
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
 
@@ -20,8 +22,6 @@ NORM: Final = math.sqrt(70.0)
 """Of the pattern: deviation of the difference over that of the samples."""
 CORRELATED: Final = math.sqrt(2.63)
 """Neighbouring differences share samples: a mean of squares is less certain by this."""
-_TOO_WIDE: Final = 6.0
-"""Intervals that five samples without a gap span at most (4 of them)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def stencils(t: Array, y: Array, rows: np.ndarray[tuple[int], np.dtype[np.int64]
     weights = _weights(ticks)
     samples = np.lib.stride_tricks.sliding_window_view(y, 5)
     difference = np.sum(weights * samples, axis=1)
-    usable = ticks[:, -1] - ticks[:, 0] < _TOO_WIDE
+    usable = ticks[:, -1] - ticks[:, 0] < FOURTH_DIFFERENCES.too_wide
     return Stencils(difference, weights, samples, ticks, rows[2:-2], usable)
 
 

@@ -8,27 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seod.diagnose.tuning.record import HELD_READINGS
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
-
-FEWEST_READINGS: Final = 40
-"""New readings without which no clock is looked for."""
-LEAST_HELD: Final = 1.2
-"""Rows for each reading, at least, in the median or the mean: with fewer nothing is lost."""
-ON_CLOCK: Final = 0.95
-"""Part of the new readings that come in the first row after a tick of the clock, at least."""
-LONE_READINGS: Final = 0.5
-"""Part of the clock's ticks that bring a new reading, at least: a load at rest has none."""
-SINGLE_COUNTS: Final = 0.9
-"""Part of the changes that are of one size, from which on they are a coarse sensor's counts."""
-SAME_ROW: Final = 1e-6
-"""Rows by which a reading may seem to come too early: rounding of times."""
-_ROUNDS: Final = 6
-"""Of fitting the clock: each one settles the numbers of ticks farther on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,26 +37,34 @@ class Held:
 
 def held_readings(t: Array, y: Array) -> Held | None:
     """The clock of the readings `y` at the times `t` [s], both shape (n,); None where there is none."""
-    if len(t) < FEWEST_READINGS:
+    if len(t) < HELD_READINGS.fewest_readings:
         return None
     tick = float(np.median(np.diff(t)))
     present = np.isfinite(y)
     rows = np.flatnonzero(present)
     fresh = rows[np.concatenate([[True], np.diff(y[rows]) != 0.0])][1:]
-    if len(fresh) < FEWEST_READINGS or len(rows) < LEAST_HELD * len(fresh) or _counts(y[rows]):
+    if (
+        len(fresh) < HELD_READINGS.fewest_readings
+        or len(rows) < HELD_READINGS.least_held * len(fresh)
+        or _counts(y[rows])
+    ):
         return None
     at = (t[fresh] - t[0]) / tick
     period, first = _clock(at)
-    numbers = np.ceil((at - first) / period - 0.5 - SAME_ROW) if period > 0.0 else at
+    numbers = np.ceil((at - first) / period - 0.5 - HELD_READINGS.same_row) if period > 0.0 else at
     late = at - first - numbers * period
-    on_clock = (late > -0.5 * SAME_ROW - 0.02) & (late < 1.02)
+    on_clock = (late > -0.5 * HELD_READINGS.same_row - 0.02) & (late < 1.02)
     ticks = numbers[-1] - numbers[0] + 1.0
-    if period < LEAST_HELD or np.mean(on_clock) < ON_CLOCK or len(fresh) < LONE_READINGS * ticks:
+    if (
+        period < HELD_READINGS.least_held
+        or np.mean(on_clock) < HELD_READINGS.on_clock
+        or len(fresh) < HELD_READINGS.lone_readings * ticks
+    ):
         return None
     repeated = present.copy()
     repeated[fresh] = False
     taken = t.copy()
-    taken[fresh] -= tick * np.clip(late, 0.0, 1.0 - SAME_ROW)
+    taken[fresh] -= tick * np.clip(late, 0.0, 1.0 - HELD_READINGS.same_row)
     return Held(period * tick, tick / max(float(numbers[-1] - numbers[0]), 1.0), repeated, taken)
 
 
@@ -81,7 +76,7 @@ def _clock(at: Array) -> tuple[float, float]:
     steps = np.diff(at)
     usual = steps[steps < 1.5 * float(np.median(steps))]
     period, reach = float(np.mean(usual)), 16
-    for _ in range(_ROUNDS):
+    for _ in range(HELD_READINGS.rounds):
         near = at[: min(reach, len(at))]
         numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(near) / period), 1.0))])
         if reach > 16:
@@ -89,7 +84,7 @@ def _clock(at: Array) -> tuple[float, float]:
         period = float(np.polyfit(numbers, near, 1)[0])
         if reach >= len(at):
             break
-        reach = min(reach * max(4, math.ceil((len(at) / 16) ** (1.0 / (_ROUNDS - 2)))), len(at))
+        reach = min(reach * max(4, math.ceil((len(at) / 16) ** (1.0 / (HELD_READINGS.rounds - 2)))), len(at))
     numbers = np.round((at - at[0]) / period)
     left = at - numbers * period
     return period, float(np.min(left[left > np.median(left) - 1.0]))
@@ -100,4 +95,4 @@ def _counts(y: Array) -> bool:
     changes = np.abs(np.diff(y))
     changes = changes[changes > 0.0]
     usual = float(np.median(changes))
-    return bool(np.mean(np.abs(changes - usual) < 1e-3 * usual) > SINGLE_COUNTS)
+    return bool(np.mean(np.abs(changes - usual) < 1e-3 * usual) > HELD_READINGS.single_counts)

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.tuning.record import NOISE
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
 
 ORDERS: Final = range(2, 9)
-AS_LOW_AS_LEAST: Final = 1.03
-"""Orders of differences whose estimates are within this factor of the least are equally good."""
-EVENT_BEYOND: Final = 5.0
-"""Robust standard deviations beyond which a difference is an event, not noise."""
-_FEWEST: Final = 50
 
 
 def noise_sd(t: Array, y: Array, good: Mask) -> float:
@@ -28,10 +25,10 @@ def noise_sd(t: Array, y: Array, good: Mask) -> float:
     found: list[float] = []
     for order in ORDERS:
         difference, usable = _differences(t, y, good, order)
-        if np.count_nonzero(usable) < _FEWEST:
+        if np.count_nonzero(usable) < NOISE.fewest:
             break
         found.append(_spread(difference[usable]) / math.sqrt(math.comb(2 * order, order)))
-    return next((each for each in found if each <= AS_LOW_AS_LEAST * min(found)), math.nan)
+    return next((each for each in found if each <= NOISE.as_low_as_least * min(found)), math.nan)
 
 
 def _differences(t: Array, y: Array, good: Mask, order: int) -> tuple[Array, Mask]:
@@ -48,6 +45,6 @@ def _differences(t: Array, y: Array, good: Mask, order: int) -> tuple[Array, Mas
 
 def _spread(difference: Array) -> float:
     """Root mean square without what is far off."""
-    limit = EVENT_BEYOND * 1.4826 * float(np.median(np.abs(difference)))
+    limit = NOISE.event_beyond * 1.4826 * float(np.median(np.abs(difference)))
     near = difference[np.abs(difference) <= limit]
     return float(np.sqrt(np.mean(near**2)))

@@ -11,20 +11,12 @@ from scipy.optimize import minimize_scalar
 from scipy.special import log_ndtr, ndtr
 
 from seod.diagnose.record.fourth_differences import NORM, PATTERN
+from seod.diagnose.tuning.record import OUTLIERS
 
 if TYPE_CHECKING:
     from seod.diagnose.record.fourth_differences import Stencils
     from seod.diagnose.result import Array, Mask
 
-OUTLIER_BEYOND: Final = 9.0
-"""Noise deviations from which a sample is none of the rest; its estimate has 1.4 of them itself."""
-LIKENESS: Final = 0.9
-"""Part of five neighbouring differences' squares that the pattern tells; a corner of the signal has less."""
-MOST_OUTLIERS: Final = 0.1
-"""Part of the samples; where more seem to be, it is the signal."""
-CORNER: Final = 1.5
-"""Turn of the signal's slope across a sample, over its error: one that is off makes none, a corner three."""
-FEWEST_OUTLIERS: Final = 3
 _IMPOSSIBLE: Final = 1e-300
 
 
@@ -38,20 +30,20 @@ class Outliers:
     p_value: float = 1.0
 
 
-def outliers(found: Stencils, noise: Array) -> Outliers:
+def outliers(stencils: Stencils, noise: Array) -> Outliers:
     """Of a recording's stencils; `noise` is the deviation of the sample in the middle of each, shape (m,)."""
-    error = found.difference / PATTERN[2]
-    far = found.usable & (np.abs(error) > OUTLIER_BEYOND * noise) & _alone(found, noise)
-    far &= ~(_jumps(found, error, noise) | _corners(found, error))
-    rows, sizes = found.middle[far], np.abs(error[far])
-    if not FEWEST_OUTLIERS <= len(rows) <= MOST_OUTLIERS * len(error):
-        return Outliers(rows if len(rows) < FEWEST_OUTLIERS else rows[:0])
-    count = len(found.usable)
-    threshold = min(OUTLIER_BEYOND * float(np.median(noise)), float(np.min(sizes)))
+    error = stencils.difference / PATTERN[2]
+    far = stencils.usable & (np.abs(error) > OUTLIERS.beyond * noise) & _alone(stencils, noise)
+    far &= ~(_jumps(stencils, error, noise) | _corners(stencils, error))
+    rows, sizes = stencils.middle[far], np.abs(error[far])
+    if not OUTLIERS.fewest <= len(rows) <= OUTLIERS.most * len(error):
+        return Outliers(rows if len(rows) < OUTLIERS.fewest else rows[:0])
+    count = len(stencils.usable)
+    threshold = min(OUTLIERS.beyond * float(np.median(noise)), float(np.min(sizes)))
     size, sd = _size(sizes, threshold)
     seen = 2.0 * float(ndtr(-threshold / size))
     rate = len(rows) / count / seen
-    if rate > MOST_OUTLIERS:
+    if rate > OUTLIERS.most:
         return Outliers(rows[:0])
     width = 1.96 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
     ends = {
@@ -61,30 +53,34 @@ def outliers(found: Stencils, noise: Array) -> Outliers:
     return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
 
-def _jumps(found: Stencils, error: Array, noise: Array) -> Mask:
+def _jumps(stencils: Stencils, error: Array, noise: Array) -> Mask:
     """Whether the signal goes on from another level behind the sample than before it."""
-    before, behind = found.samples[:, 1] - found.samples[:, 0], found.samples[:, 4] - found.samples[:, 3]
-    across = found.samples[:, 3] - found.samples[:, 1] - before - behind
+    before, behind = (
+        stencils.samples[:, 1] - stencils.samples[:, 0],
+        stencils.samples[:, 4] - stencils.samples[:, 3],
+    )
+    across = stencils.samples[:, 3] - stencils.samples[:, 1] - before - behind
     return np.asarray(np.abs(across) > np.maximum(0.6 * np.abs(error), 10.0 * noise))
 
 
-def _corners(found: Stencils, error: Array) -> Mask:
+def _corners(stencils: Stencils, error: Array) -> Mask:
     """Whether the signal goes on at another slope: a corner in the middle is seen as a third of its turn."""
     before, behind = (
-        (found.samples[:, k + 1] - found.samples[:, k]) / (found.ticks[:, k + 1] - found.ticks[:, k])
+        (stencils.samples[:, k + 1] - stencils.samples[:, k])
+        / (stencils.ticks[:, k + 1] - stencils.ticks[:, k])
         for k in (0, 3)
     )
-    return np.asarray((behind - before) * np.sign(-error) > CORNER * np.abs(error))
+    return np.asarray((behind - before) * np.sign(-error) > OUTLIERS.corner * np.abs(error))
 
 
-def _alone(found: Stencils, noise: Array) -> Mask:
+def _alone(stencils: Stencils, noise: Array) -> Mask:
     """Whether the differences around a sample show one error in it, not a corner of the signal."""
-    near = np.pad(found.difference, 2)
+    near = np.pad(stencils.difference, 2)
     around = np.lib.stride_tricks.sliding_window_view(near, 5)
-    told = (around @ PATTERN / NORM) ** 2
-    left = np.sum(around**2, axis=1) - told
-    largest = np.max(np.abs(around), axis=1) <= np.abs(found.difference) * (1.0 + 1e-12)
-    return np.asarray(largest & (left < (1.0 - LIKENESS) * told + 15.0 * (NORM * noise) ** 2))
+    explained = (around @ PATTERN / NORM) ** 2
+    rest = np.sum(around**2, axis=1) - explained
+    largest = np.max(np.abs(around), axis=1) <= np.abs(stencils.difference) * (1.0 + 1e-12)
+    return np.asarray(largest & (rest < (1.0 - OUTLIERS.likeness) * explained + 15.0 * (NORM * noise) ** 2))
 
 
 def _size(sizes: Array, threshold: float) -> tuple[float, float]:

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.tuning.record import STEP
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array
-
-FEWEST_LEVELS: Final = 3
-_CELLS: Final = 1 << 17
-"""Of the histogram whose spectrum tells the circular mean for all steps at once."""
-_GATHERED: Final = 0.5
-"""Circular mean of readings that lie on a lattice; noise of a fifth of a step leaves 0.45."""
-_CONTRAST: Final = 0.35
-"""By which it stands out among steps of nearly the same size: readings at rest gather for all of them."""
-_EXACT: Final = 1e-3
-"""Part of a step by which readings of whole counts may be off."""
-_BESIDE: Final = 1.5
-"""Noise deviations that readings are beside whole counts, at most; its estimate is right to some percent."""
-_WITHIN_NOISE: Final = 1.5
-"""Steps of fewer noise deviations tell nothing that could be seen."""
 
 
 class Counts(NamedTuple):
@@ -35,11 +23,11 @@ class Counts(NamedTuple):
 def counts(y: Array, noise: float) -> Counts:
     """The step of readings `y`, shape (n,), finite; `noise` is the deviation from sample to sample."""
     levels = np.unique(y)
-    if len(levels) < FEWEST_LEVELS:
+    if len(levels) < STEP.fewest_levels:
         return Counts()
     exact = _whole_counts(levels, len(y))
     if exact > 0.0:
-        return Counts(exact, _EXACT * exact / len(levels)) if exact > noise / 2.0 else Counts()
+        return Counts(exact, STEP.exact * exact / len(levels)) if exact > noise / 2.0 else Counts()
     return _gathered(y, noise)
 
 
@@ -63,15 +51,17 @@ def _whole_counts(levels: Array, n: int) -> float:
 def _gathered(y: Array, noise: float) -> Counts:
     """By the circular mean |mean exp(2 pi i y / step)| over all steps between noise and range."""
     span = float(np.ptp(y))
-    cells = np.minimum(((y - np.min(y)) * (_CELLS / span)).astype(np.int64), _CELLS - 1)
-    histogram = np.bincount(cells, minlength=_CELLS) / len(y)
+    cells = np.minimum(
+        ((y - np.min(y)) * (STEP.histogram_bins / span)).astype(np.int64), STEP.histogram_bins - 1
+    )
+    histogram = np.bincount(cells, minlength=STEP.histogram_bins) / len(y)
     pad = 4
-    means = np.abs(np.fft.rfft(histogram, pad * _CELLS))
-    finest = int(min(pad * span / max(_WITHIN_NOISE * noise, 1e-300), 0.2 * _CELLS))
+    means = np.abs(np.fft.rfft(histogram, pad * STEP.histogram_bins))
+    finest = int(min(pad * span / max(STEP.within_noise * noise, 1e-300), 0.2 * STEP.histogram_bins))
     if finest < 8 * pad:
         return Counts()
     k = 8 * pad + int(np.argmax(means[8 * pad : finest]))
-    if means[k] < _GATHERED or means[k] - _beside(means, k, pad) < _CONTRAST:
+    if means[k] < STEP.gathered or means[k] - _beside(means, k, pad) < STEP.contrast:
         return Counts()
     return _refined(y, pad * span / k, noise)
 
@@ -96,7 +86,7 @@ def _refined(y: Array, step: float, noise: float) -> Counts:
         slope, offset = np.polyfit(number, about, 1)
         step = float(slope)
     left = about - slope * number - offset
-    if float(np.std(left)) > _BESIDE * noise:
+    if float(np.std(left)) > STEP.beside * noise:
         return Counts()
     spread = float(np.std(left)) / max(float(np.std(number)) * math.sqrt(len(y) - len(order)), 1e-300)
     return Counts(step, spread)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.record.coarse_sensor import readings
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.result import DiagnoseError
+from seod.diagnose.tuning.record import SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,19 +19,6 @@ if TYPE_CHECKING:
     from seod.data import Recording
     from seod.diagnose.record.windows import Rows
     from seod.diagnose.result import Array, Hold, Mask
-
-
-STEPS_BETWEEN: Final = 4
-"""Steps that stand for a straight line between two commands: of ten commands a wave 0.2 % are wrong."""
-WINDOW_PERIODS: Final = 10
-SHORTEST_WINDOW_S: Final = 1.0
-"""A window is that many dominant periods, but at least this long."""
-FEWEST_WINDOWS: Final = 4
-"""Windows of a recording: two to fit, two held out."""
-RELAY_LEVELS: Final = 4
-"""Commands that a relay gives, at most: two, with another bias four."""
-_LEAST_SAMPLES: Final = 200
-_FINEST: Final = 1 << 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,20 +75,20 @@ class Series:
     @property
     def relayed(self) -> bool:
         """Whether a relay gave the commands."""
-        return self.levels <= RELAY_LEVELS
+        return self.levels <= SERIES.relay_levels
 
     def sparser(self, stride: int) -> Series:
         """Every so manieth sample, and the commands that change something."""
-        told = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
+        changes = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)
         kept = self.kept(stride)
         rows = {name: getattr(self, name) for name in ("t", "y", "good", "supply", "warmth")}
         rows = {name: each[kept] if len(each) else each for name, each in rows.items()}
         rows["force"] = _means(self.force, kept)
         blocks = tuple((int(a), int(b)) for a, b in np.searchsorted(kept, self.blocks))
         tick = float(np.median(np.diff(rows["t"])))
-        drive = (self.t_u[told], self.u[told]) if self.drive[0] is self.t_u else self.drive
+        drive = (self.t_u[changes], self.u[changes]) if self.drive[0] is self.t_u else self.drive
         return replace(
-            self, **rows, t_u=self.t_u[told], u=self.u[told], tick=tick, blocks=blocks, drive=drive
+            self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks, drive=drive
         )
 
     def kept(self, stride: int) -> Rows:
@@ -141,8 +129,8 @@ def series(
     u, good = _held(recording.u), np.isfinite(recording.y)
     if not np.isfinite(u).any():
         raise DiagnoseError(f"{name}: has no command u: name its column by --columns u=...")
-    if np.count_nonzero(good) < _LEAST_SAMPLES:
-        message = f"has {np.count_nonzero(good)} samples of y; a diagnosis needs {_LEAST_SAMPLES}"
+    if np.count_nonzero(good) < SERIES.least_samples:
+        message = f"has {np.count_nonzero(good)} samples of y; a diagnosis needs {SERIES.least_samples}"
         raise DiagnoseError(f"{name}: {message}")
     for what, values in (("command u", u), ("signal y", recording.y[good])):
         if np.ptp(values) == 0.0:
@@ -188,10 +176,10 @@ def series(
 
 def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:
     """Commands that run straight on to the next, as short steps of their own mean: times [s] and volts."""
-    parts = np.arange(STEPS_BETWEEN) / STEPS_BETWEEN
+    parts = np.arange(SERIES.steps_between) / SERIES.steps_between
     wide, high = np.append(np.diff(t_u), 0.0), np.append(np.diff(u), 0.0)
     times = (t_u[:, None] + wide[:, None] * parts).ravel()
-    volts = (u[:, None] + high[:, None] * (parts + 0.5 / STEPS_BETWEEN)).ravel()
+    volts = (u[:, None] + high[:, None] * (parts + 0.5 / SERIES.steps_between)).ravel()
     return times, volts
 
 
@@ -240,12 +228,12 @@ def _means(values: Array, kept: Rows) -> Array:
 def _window_s(t: Array, period_s: float) -> float:
     """Ten dominant periods, at least a second; less where the recording has not four of them."""
     span = float(t[-1] - t[0])
-    return min(max(SHORTEST_WINDOW_S, WINDOW_PERIODS * period_s), span / FEWEST_WINDOWS)
+    return min(max(SERIES.shortest_window_s, SERIES.window_periods * period_s), span / SERIES.fewest_windows)
 
 
 def dominant_hz(t: Array, y: Array, good: Mask) -> float:
     """Frequency at which the detrended `y` has its largest line [Hz]."""
-    count = min(len(t), 8 * _FINEST)
+    count = min(len(t), 8 * SERIES.finest)
     even = np.linspace(t[0], t[-1], count)
     signal = np.interp(even, t[good], y[good])
     line = np.polynomial.Polynomial.fit(even, signal, 1)

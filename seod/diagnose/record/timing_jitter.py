@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.record.fourth_differences import CORRELATED, NORM, slopes
+from seod.diagnose.tuning.record import TIMING_JITTER
 
 if TYPE_CHECKING:
     from seod.diagnose.record.fourth_differences import Stencils
     from seod.diagnose.result import Array
-
-SIGNIFICANT: Final = 6.0
-"""Standard deviations by which the error must grow with the slope."""
-LEAST_SHARE: Final = 0.3
-"""Of the samples' mean squared error that must come from it: less is nobody's trouble."""
-FEWEST_DIFFERENCES: Final = 200
-"""Differences without which nothing is looked for."""
-MEDIAN_GROWTH: Final = 0.6
-"""Part of the growth that the medians must show too."""
-ALTERNATING: Final = -0.65
-"""Correlation of neighbouring differences, at most."""
-_EVENTS: Final = 25.0
-"""Squared differences over the expected ones beyond which they are corners of the signal."""
-_ROUNDS: Final = 8
 
 
 class Jitter(NamedTuple):
@@ -37,28 +24,28 @@ class Jitter(NamedTuple):
     level: float = 0.0
     steepness: Array | None = None
 
-    def deviations(self, noise: float, found: Stencils) -> Array:
+    def deviations(self, noise: float, stencils: Stencils) -> Array:
         """Of the samples in the middle of the stencils; `noise` where the time takes no part."""
         if self.steepness is None:
-            return np.full(len(found.difference), noise)
+            return np.full(len(stencils.difference), noise)
         return np.sqrt(self.level + self.deviation**2 * self.steepness)
 
 
-def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
+def timing_jitter(stencils: Stencils, t: Array, y: Array) -> Jitter:
     """Of the stencils of the samples `y` at the times `t` [s], both shape (n,).
 
     The mean squared fourth difference is 70 (noise^2 + deviation^2 slope^2): a line over the squared slope.
     """
     slope = np.lib.stride_tricks.sliding_window_view(slopes(t, y) ** 2, 5)
-    steep = np.sum(found.weights**2 * slope, axis=1) / NORM**2
-    steepness, square = steep[found.usable], found.difference[found.usable] ** 2 / NORM**2
+    steep = np.sum(stencils.weights**2 * slope, axis=1) / NORM**2
+    steepness, square = steep[stencils.usable], stencils.difference[stencils.usable] ** 2 / NORM**2
     scale = float(np.mean(steepness)) if len(steepness) else 0.0
-    if len(square) < FEWEST_DIFFERENCES or scale == 0.0:
+    if len(square) < TIMING_JITTER.fewest_differences or scale == 0.0:
         return Jitter()
     level, growth, sd = _line(steepness / scale, square)
-    if not growth > SIGNIFICANT * sd or growth < LEAST_SHARE * (level + growth):
+    if not growth > TIMING_JITTER.significant * sd or growth < TIMING_JITTER.least_share * (level + growth):
         return Jitter()
-    if not _grows(steepness / scale, square, level, growth) or not _alternates(found, steep):
+    if not _grows(steepness / scale, square, level, growth) or not _alternates(stencils, steep):
         return Jitter()
     low, high = (math.sqrt(max(0.0, growth + side * 1.96 * sd) / scale) for side in (-1.0, 1.0))
     p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
@@ -68,9 +55,9 @@ def timing_jitter(found: Stencils, t: Array, y: Array) -> Jitter:
 def _line(x: Array, square: Array) -> tuple[float, float, float]:
     """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
     level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
-    for _ in range(_ROUNDS):
+    for _ in range(TIMING_JITTER.rounds):
         expected = np.maximum(level + growth * x, 1e-3 * max(level, growth) + 1e-300)
-        near = square < _EVENTS * expected
+        near = square < TIMING_JITTER.events * expected
         a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]
         normal = np.linalg.pinv(a.T @ a)
         level, growth = (max(float(each), 0.0) for each in normal @ (a.T @ (square[near] / expected[near])))
@@ -86,16 +73,16 @@ def _grows(x: Array, square: Array, level: float, growth: float) -> bool:
         return False
     wanted = np.median(level + growth * x[steep]) / max(float(np.median(level + growth * x[flat])), 1e-300)
     seen = np.median(square[steep]) / max(float(np.median(square[flat])), 1e-300)
-    return bool(seen - 1.0 > MEDIAN_GROWTH * (wanted - 1.0))
+    return bool(seen - 1.0 > TIMING_JITTER.median_growth * (wanted - 1.0))
 
 
-def _alternates(found: Stencils, steepness: Array) -> bool:
+def _alternates(stencils: Stencils, steepness: Array) -> bool:
     """Neighbouring differences where the signal is steep go against each other: they are samples' errors.
 
     White errors have a correlation of -0.8; of what a quick signal itself leaves it is nearly 1.
     """
-    pairs = found.usable[1:] & found.usable[:-1] & (np.diff(found.middle) == 1)
+    pairs = stencils.usable[1:] & stencils.usable[:-1] & (np.diff(stencils.middle) == 1)
     pairs &= steepness[1:] > np.quantile(steepness, 2.0 / 3.0)
-    scaled = found.difference / np.sqrt(steepness + float(np.mean(steepness)))
+    scaled = stencils.difference / np.sqrt(steepness + float(np.mean(steepness)))
     before, behind = scaled[:-1][pairs], scaled[1:][pairs]
-    return bool(before @ behind < ALTERNATING * 0.5 * (before @ before + behind @ behind))
+    return bool(before @ behind < TIMING_JITTER.alternating * 0.5 * (before @ before + behind @ behind))

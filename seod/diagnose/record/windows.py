@@ -5,42 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from seod.diagnose.record.series import FEWEST_WINDOWS, Series
 from seod.diagnose.result import DiagnoseError
+from seod.diagnose.tuning.record import SERIES, WINDOWS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array, Mask
 
 Rows = NDArray[np.int64]
-
-SETTLING_PART: Final = 0.2
-"""Part of a held-out window to which its initial state is fitted."""
-SEGMENT_S: Final = 2.0
-"""Windows are fitted in segments no longer than this or a period, each from a state of its own."""
-LEAST_SAMPLES: Final = 50
-"""Of a window."""
-LEAST_SEGMENT_ROWS: Final = 10
-"""Of a segment: where a recording pauses, few rows last long."""
-SKIPPED_S: Final = 0.1
-"""Of a recording's start: the commands before it, which delay and lag still show, are unknown."""
-AT_EDGE: Final = 1e-3
-"""Of a sampling interval: a row so near before an edge is at it, however its time was rounded."""
-MOVING_ABOVE_NOISE: Final = 3.0
-"""Deviation over the noise from which on a window shows a movement; the others tell nothing of the plant."""
-SAMPLES_A_PERIOD: Final = 50
-"""Samples of a limit cycle by which it is tried what it may come from."""
-_MOSTLY: Final = 0.9
-"""Part of the samples that others have to tell."""
-_BETWEEN: Final = 3.0
-"""Error with which they do, over the noise: both have some."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +54,7 @@ class Cut:
     @property
     def relayed(self) -> bool:
         """Whether a relay gave the commands of all recordings."""
-        return all(one.relayed for one in self.series)
+        return all(recording.relayed for recording in self.series)
 
     @property
     def good(self) -> Mask:
@@ -101,7 +81,7 @@ class Cut:
         """Error of each row that says nothing, end to end."""
         return np.repeat([self.series[k].slack for k, _, _ in self.windows], self.sizes)
 
-    def started(self, part: float = SETTLING_PART) -> Mask:
+    def started(self, part: float = WINDOWS.settling_part) -> Mask:
         """Rows in the first part of their window, end to end."""
         parts = []
         for k, first, last in self.windows:
@@ -135,33 +115,37 @@ def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
     return Cut(every, tuple(fitted)), Cut(every, tuple(held))
 
 
-def _windows(one: Series, finer: float) -> list[tuple[int, int]]:
-    pairs = [pair for first, last in one.blocks for pair in _within(one, first, last, finer)]
-    told = [(a, b) for a, b in pairs if np.count_nonzero(one.good[a:b]) >= LEAST_SAMPLES]
-    moving = [(a, b) for a, b in told if np.std(one.y[a:b][one.good[a:b]]) > MOVING_ABOVE_NOISE * one.noise]
-    return moving if len(moving) >= FEWEST_WINDOWS else told
+def _windows(recording: Series, finer: float) -> list[tuple[int, int]]:
+    pairs = [pair for first, last in recording.blocks for pair in _within(recording, first, last, finer)]
+    enough = [(a, b) for a, b in pairs if np.count_nonzero(recording.good[a:b]) >= WINDOWS.least_samples]
+    moving = [
+        (a, b)
+        for a, b in enough
+        if np.std(recording.y[a:b][recording.good[a:b]]) > WINDOWS.moving_above_noise * recording.noise
+    ]
+    return moving if len(moving) >= SERIES.fewest_windows else enough
 
 
-def can_be_scored(one: Series, first: int, last: int) -> bool:
+def can_be_scored(recording: Series, first: int, last: int) -> bool:
     """Whether a window held out has samples to settle its initial state, and some after them."""
-    t, good = one.t[first:last], one.good[first:last]
-    settles = _in_first(SETTLING_PART, t)
+    t, good = recording.t[first:last], recording.good[first:last]
+    settles = _in_first(WINDOWS.settling_part, t)
     return bool(np.any(good & settles) and np.any(good & ~settles))
 
 
-def _within(one: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
+def _within(recording: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
     """First and last rows of a block's windows."""
-    t = one.t[first:last]
-    begin = t[0] + min(SKIPPED_S, 0.05 * float(t[-1] - t[0]))
-    count = round(finer * max(FEWEST_WINDOWS, int((t[-1] - begin) / one.window_s + 1e-6)))
-    edges = np.linspace(begin, t[-1] + 0.5 * one.tick, count + 1)
-    rows = first + np.searchsorted(t, edges - AT_EDGE * one.tick)
+    t = recording.t[first:last]
+    begin = t[0] + min(WINDOWS.skipped_s, 0.05 * float(t[-1] - t[0]))
+    count = round(finer * max(SERIES.fewest_windows, int((t[-1] - begin) / recording.window_s + 1e-6)))
+    edges = np.linspace(begin, t[-1] + 0.5 * recording.tick, count + 1)
+    rows = first + np.searchsorted(t, edges - WINDOWS.at_edge * recording.tick)
     return [(int(a), int(b)) for a, b in pairwise(rows)]
 
 
 def _in_first(part: float, t: Array) -> Mask:
     """Rows of a window in that part of its time, shape (n,)."""
-    end = part * float(t[-1] - t[0]) - AT_EDGE * float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    end = part * float(t[-1] - t[0]) - WINDOWS.at_edge * float(t[-1] - t[0]) / max(len(t) - 1, 1)
     return np.asarray(t - t[0] < end)
 
 
@@ -190,9 +174,9 @@ def segments(whole: Cut, longest_s: float | None = None) -> Cut:
     out = []
     for k, first, last in whole.windows:
         one = whole.series[k]
-        length = max(SEGMENT_S, one.period_s) if longest_s is None else longest_s
+        length = max(WINDOWS.segment_s, one.period_s) if longest_s is None else longest_s
         count = math.ceil((one.t[last - 1] - one.t[first]) / length - 0.05)
-        count = max(1, min(count, (last - first) // LEAST_SEGMENT_ROWS))
+        count = max(1, min(count, (last - first) // WINDOWS.least_segment_rows))
         edges = np.linspace(first, last, count + 1).astype(int).tolist()
         out += [(k, a, b) for a, b in pairwise(edges) if one.good[a:b].any()]
     return Cut(whole.series, tuple(out))
@@ -229,7 +213,7 @@ def sparse(whole: Cut) -> Cut:
     Without their first windows: how a limit cycle grows tells much of a plant that is nearly right, and leads
     astray from any other.
     """
-    strides = [_stride(one) for one in whole.series]
+    strides = [_stride(recording) for recording in whole.series]
     every = [one.sparser(stride) for one, stride in zip(whole.series, strides, strict=True)]
     kept = [one.kept(stride) for one, stride in zip(whole.series, strides, strict=True)]
     windows = tuple((k, _row(kept[k], a), _row(kept[k], b)) for k, a, b in whole.windows)
@@ -246,20 +230,24 @@ def _row(kept: Rows, row: int) -> int:
     return int(np.searchsorted(kept, row))
 
 
-def _stride(one: Series) -> int:
+def _stride(recording: Series) -> int:
     """Samples of a relay's recording of which one is enough: between them the others are as they were.
 
     A limit cycle is smooth; what swings after each switch of slow commands is not.
     """
-    stride = max(1, int(one.period_s / (SAMPLES_A_PERIOD * one.tick))) if one.relayed else 1
-    while stride > 1 and not _smooth(one, stride):
+    stride = (
+        max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.tick)))
+        if recording.relayed
+        else 1
+    )
+    while stride > 1 and not _smooth(recording, stride):
         stride //= 2
     return stride
 
 
-def _smooth(one: Series, stride: int) -> bool:
+def _smooth(recording: Series, stride: int) -> bool:
     """Whether every so manieth sample tells the others, but for noise."""
-    rows = np.flatnonzero(one.good)
+    rows = np.flatnonzero(recording.good)
     kept = rows[::stride]
-    error = np.abs(one.y[rows] - CubicSpline(one.t[kept], one.y[kept])(one.t[rows]))
-    return float(np.quantile(error, _MOSTLY)) < _BETWEEN * one.noise + one.slack
+    error = np.abs(recording.y[rows] - CubicSpline(recording.t[kept], recording.y[kept])(recording.t[rows]))
+    return float(np.quantile(error, WINDOWS.mostly)) < WINDOWS.between * recording.noise + recording.slack

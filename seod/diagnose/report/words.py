@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from seod.diagnose.causes.table import CAUSES, sentence
-from seod.diagnose.fitting.held_out import ADEQUATE
 from seod.diagnose.report.units import Units
+from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
@@ -56,7 +56,7 @@ def headline(d: Diagnosis) -> str:
 def _all_of(d: Diagnosis, what: str) -> str:
     """How far nothing relevant is left of it."""
     account = d.account
-    if account is None or d.adequacy < ADEQUATE:
+    if account is None or d.adequacy < HELD_OUT.adequate:
         return f"{what} down to its noise"
     if account.systematic > 0.0:
         return f"{what} but for {percent(account.systematic_nrmse)}, which is less than what counts"
@@ -108,7 +108,7 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
     if not account.asked:
         yield (
             f"Of the baseline's squared error {explained} is explained. Of the rest nobody can tell what is "
-            "systematic: the command sweeps, no two windows are alike."
+            "systematic: the command sweeps, so that no two windows are alike, or the recording is too short."
         )
         return
     least = "at least " if account.systematic > 0.0 else ""
@@ -146,7 +146,7 @@ def _meant(d: Diagnosis) -> Iterator[str]:
         if effect.name in CAUSES:
             yield f"{effect.name}: {sentence(effect.name, effects)}"
     for name in effects:
-        if name in CAUSES and CAUSES[name].beside:
+        if name in CAUSES and CAUSES[name].needs:
             yield f"{name}: {sentence(name, effects)}"
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import plain_form
-from seod.diagnose.fitting.least_squares import NOISE_ALONE
 from seod.diagnose.search.race import elsewhere, extended
+from seod.diagnose.tuning.fitting import FIT
+from seod.diagnose.tuning.search import BEAM
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,30 +18,19 @@ if TYPE_CHECKING:
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.search.screen import Screen
 
-BEAM_WIDTH: Final = 3
-"""Sets that are kept."""
-SECOND_PLANTS: Final = 2
-"""Second plants of them that are kept too."""
-MOST_EFFECTS: Final = 4
-"""Effects in a set."""
-LEAST_GAIN: Final = 0.02
-"""Mean log squared error that an effect must save; on clean recordings the best saves some 0.002."""
-LEAST_GAIN_COARSE: Final = 1.0
-"""The same of a coarse sensor, whose noise is not known."""
-AS_WELL_PART: Final = 0.2
-"""Part of what an effect must save, up to which another set explains the recordings as well."""
-RICHER_GAIN: Final = 0.2
-"""Mean log squared error that a richer form of friction must save to be grown in place of the plain one."""
-
 
 def least_gain(cut: Cut) -> float:
     """What an effect must save of the mean log error: of coarse sensors few samples make up what is left."""
-    return LEAST_GAIN_COARSE if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows) else LEAST_GAIN
+    return (
+        BEAM.least_gain_coarse
+        if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows)
+        else BEAM.least_gain
+    )
 
 
 def as_well(cut: Cut) -> float:
     """Mean log error up to which another set explains recordings as well."""
-    return AS_WELL_PART * least_gain(cut)
+    return BEAM.as_well_part * least_gain(cut)
 
 
 @dataclass
@@ -65,8 +55,8 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
         progress: Called with the part of the work that is done.
     """
     grown, beam = Grown([roots[0]]), list(roots)
-    for size in range(1, MOST_EFFECTS + 1):
-        if grown.best[0].excess < NOISE_ALONE or screen.budget.spent:
+    for size in range(1, BEAM.most_effects + 1):
+        if grown.best[0].excess < FIT.noise_alone or screen.budget.spent:
             break
         children = extended(screen, beam)
         ranked = best_of_each(children)
@@ -74,7 +64,7 @@ def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], No
         if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):
             break
         grown.best, beam = [*ranked, *grown.best], survivors(children)
-        progress(size / MOST_EFFECTS)
+        progress(size / BEAM.most_effects)
     return grown
 
 
@@ -95,14 +85,14 @@ def survivors(children: Sequence[Fitted]) -> list[Fitted]:
     ranked = best_of_each(children)
     cost = {frozenset(one.model.names): one.cost for one in ranked}
 
-    def spare(one: Fitted) -> bool:
-        own, plain = frozenset(one.model.names), plain_form(one.model.names)
-        return plain != own and cost.get(plain, math.inf) < one.cost + RICHER_GAIN
+    def spare(fitted: Fitted) -> bool:
+        own, plain = frozenset(fitted.model.names), plain_form(fitted.model.names)
+        return plain != own and cost.get(plain, math.inf) < fitted.cost + BEAM.richer_gain
 
-    beam = [one for one in ranked if not spare(one)][:BEAM_WIDTH]
+    beam = [one for one in ranked if not spare(one)][: BEAM.width]
     first = {frozenset(one.model.names): one for one in beam}
     for one in children:
         names = frozenset(one.model.names)
-        if names in first and len(beam) < len(first) + SECOND_PLANTS and elsewhere(one, first[names]):
+        if names in first and len(beam) < len(first) + BEAM.second_plants and elsewhere(one, first[names]):
             beam.append(one)
     return beam

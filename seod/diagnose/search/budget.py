@@ -8,28 +8,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
 from seod.diagnose.fitting.work import used_s
+from seod.diagnose.tuning.search import BUDGET
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 Effort = Literal["quick", "normal", "thorough"]
 
-SEARCH_S: Final = 15.0
-"""Work after which no further cause is tried, of a long recording; fits of the best follow."""
-FURTHER_S: Final = 15.0
-"""The same that a short one may use beyond: what follows takes less."""
-LONG_ROWS: Final = 120_000
-"""Samples of a long recording."""
-EFFORTS: Final[dict[Effort, float]] = {"quick": 0.25, "normal": 1.0, "thorough": math.inf}
-"""Of that work, what may be used."""
-SAFETY_S: Final = 600.0
-"""Time by the clock after which a search of limited effort ends in any case: twenty times the usual."""
-TRIAL_PART: Final = 0.04
-"""Part of it that a single trial may use: some wander off to plants that are slow to simulate."""
-LAST_FIT_PART: Final = 0.12
-"""Likewise of a fit to all windows that follows the search."""
-LOOKING_PART: Final = 0.65
-"""Likewise of a look at many sets."""
+EFFORTS: Final[dict[Effort, float]] = {
+    "quick": BUDGET.quick,
+    "normal": BUDGET.normal,
+    "thorough": BUDGET.thorough,
+}
+"""Of the work of a search, what may be used."""
 
 
 @dataclass
@@ -46,7 +37,7 @@ class Budget:
     """
 
     clock: Callable[[], float] = used_s
-    seconds: float = SEARCH_S
+    seconds: float = BUDGET.search_s
     further: float = 0.0
     safety: tuple[Callable[[], float], float] = (time.monotonic, math.inf)
     missed: bool = False
@@ -63,10 +54,12 @@ class Budget:
     def of(cls, rows: int, effort: Effort) -> Budget:
         """For recordings of so many samples."""
         part = EFFORTS[effort]
-        patience = SAFETY_S if math.isfinite(part) else math.inf
-        further = FURTHER_S * (1.0 - min(rows / LONG_ROWS, 1.0))
+        patience = BUDGET.safety_s if math.isfinite(part) else math.inf
+        further = BUDGET.further_s * (1.0 - min(rows / BUDGET.long_rows, 1.0))
         return cls(
-            seconds=part * SEARCH_S, further=min(part, 1.0) * further, safety=(time.monotonic, patience)
+            seconds=part * BUDGET.search_s,
+            further=min(part, 1.0) * further,
+            safety=(time.monotonic, patience),
         )
 
     @property
@@ -85,7 +78,7 @@ class Budget:
         """What was used since then, by the clock, does not count."""
         self._begin += self.clock() - since
 
-    def trial(self, part: float = TRIAL_PART) -> Callable[[], bool]:
+    def trial(self, part: float = BUDGET.trial_part) -> Callable[[], bool]:
         """Tells when one trial has had its part, or nothing is left at all."""
         over = self._after(part * self.total)
         return lambda: over() or self.spent
@@ -94,24 +87,24 @@ class Budget:
         """Tells when this part of what is left now was used; what is left out then, is missed."""
         over = self._after(part * (self._begin + self.total - self.clock()))
 
-        def told() -> bool:
+        def is_over() -> bool:
             ended = over()
             self.missed |= ended
             return ended
 
-        return told
+        return is_over
 
     def glance(self) -> Callable[[], bool]:
         """Tells when a trial has had its part that follows the search."""
-        return self._after(TRIAL_PART * self.seconds)
+        return self._after(BUDGET.trial_part * self.seconds)
 
     def last_fit(self) -> Callable[[], bool]:
         """Tells when one fit of what was found has had its part; such fits follow the search."""
-        return self._after(LAST_FIT_PART * self.seconds)
+        return self._after(BUDGET.last_fit_part * self.seconds)
 
     def looking(self) -> Callable[[], bool]:
         """Tells when no further set is simulated where no fit has seen."""
-        return self._after(LOOKING_PART * self.seconds)
+        return self._after(BUDGET.looking_part * self.seconds)
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.clock() + seconds

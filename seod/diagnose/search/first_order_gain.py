@@ -31,7 +31,7 @@ class Promise:
     saves: float
 
 
-class Ahead:
+class ParentResidual:
     """What a parent leaves, and what its own parameters and initial states could still do about it."""
 
     def __init__(self, parent: Fitted) -> None:
@@ -45,7 +45,7 @@ class Ahead:
         own = table.columns[:, :-1] * self.weight[:, None]
         size = np.linalg.norm(own, axis=0)
         self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
-        self.left = self._beyond(residual)
+        self.remaining = self._beyond(residual)
 
     def promise(self, name: str, start: Values) -> Promise:
         """What an effect saves if its change from this start is the right one but for its size."""
@@ -55,9 +55,11 @@ class Ahead:
         if CAUSES[name].wave is not None:
             changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
         directions = np.linalg.qr(np.stack(changes, axis=1))[0]
-        left = max(float(self.left @ self.left), 1e-300)  # nothing, where a coarse sensor says no more
-        told = float(np.sum((directions.T @ self.left) ** 2)) / left
-        return Promise(model, x, -math.log(max(1.0 - told, 1e-12)))
+        total = max(
+            float(self.remaining @ self.remaining), 1e-300
+        )  # nothing, where a coarse sensor says no more
+        explained = float(np.sum((directions.T @ self.remaining) ** 2)) / total
+        return Promise(model, x, -math.log(max(1.0 - explained, 1e-12)))
 
     def _change(self, model: Model, x: Array) -> Array:
         residual = weighted(model, self.parent.cut, x, self.parent.start)

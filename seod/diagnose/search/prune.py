@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.initial_states import begun_states
@@ -10,6 +10,7 @@ from seod.diagnose.fitting.judged import Judged, gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, reaches_null
 from seod.diagnose.search.refine import refined
+from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
     Tried = Mapping[frozenset[str], Fitted]
-
-LEAST_SHARE: Final = 5e-4
-"""Of the baseline's squared error above the noise that has to come back without an effect: less is 0 %."""
 
 
 def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged:
@@ -47,32 +45,32 @@ def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
     return own if least is found else Judged.of(least, held_out)
 
 
-def alike(found: Fitted, name: str, screen: Screen) -> list[Fitted]:
+def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
     """The set with each cause alike to one of its own in that one's place, fitted to the same windows."""
-    model, values = found.model, found.model.values(found.x)
+    model, values = fitted.model, fitted.model.values(fitted.x)
     return [
         _fitted(
             model.without(name).with_effect(other.name),
             values | other.same(values, model.scales),
-            found,
+            fitted,
             screen,
         )
         for other in CAUSES[name].alike
-        if other.name not in {*model.names, *model.scales.told}
+        if other.name not in {*model.names, *model.scales.given}
         and (other.always or model.scales.two_commands)
     ]
 
 
-def _fitted(model: Model, values: Values, found: Fitted, screen: Screen) -> Fitted:
+def _fitted(model: Model, values: Values, fitted: Fitted, screen: Screen) -> Fitted:
     x = model.searched(values)
-    cut = found.cut
-    start = begun_states(model, x, cut, found.start)
-    return fit(model, cut, x, start, each=screen.each, ended=screen.budget.last_fit())
+    cut = fitted.cut
+    start = begun_states(model, x, cut, fitted.start)
+    return fit(model, cut, x, start, parallel=screen.parallel, ended=screen.budget.last_fit())
 
 
-def without(found: Fitted, name: str, screen: Screen) -> Fitted:
+def without(fitted: Fitted, name: str, screen: Screen) -> Fitted:
     """A set without one of its effects, fitted anew to the same windows."""
-    return _fitted(found.model.without(name), found.model.values(found.x), found, screen)
+    return _fitted(fitted.model.without(name), fitted.model.values(fitted.x), fitted, screen)
 
 
 def thinned(
@@ -81,8 +79,8 @@ def thinned(
     """Without the effects that gain too little, and of those left the set without each.
 
     They have to gain where they were fitted, and on the windows held out (`held_out`), and their size has to
-    be told. `tried` are sets that were fitted, by their effects; `above` is the baseline's squared held-out
-    NRMSE above the noise.
+    be identified. `tried` are sets that were fitted, by their effects; `above` is the baseline's squared
+    held-out NRMSE above the noise.
     """
     while True:
         rest = _rest(own.found, tried, held_out, screen)
@@ -90,20 +88,21 @@ def thinned(
             return own, {}
         least = min(rest.values(), key=lambda one: gain(one, own))
         if gain(least, own) >= enough:
-            idle = _untold(own, rest, above)
+            idle = _unidentified(own, rest, above)
             if not idle:
                 return own, rest
             least = min(idle, key=lambda one: gain(one, own))
         own = least
 
 
-def _untold(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
+def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
     """Of effects that have no share, or whose size may be none, the set without each."""
     spread = covariance(own.found)
     return [
         one
         for name, one in rest.items()
-        if one.held.nrmse**2 - own.held.nrmse**2 < LEAST_SHARE * above or _may_be_none(own, name, spread)
+        if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
+        or _may_be_none(own, name, spread)
     ]
 
 
@@ -111,17 +110,17 @@ def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
     return EFFECTS[name].cause and reaches_null(own.found, name, spread)
 
 
-def _rest(found: Fitted, tried: Tried, held_out: Cut, screen: Screen) -> dict[str, Judged]:
+def _rest(fitted: Fitted, tried: Tried, held_out: Cut, screen: Screen) -> dict[str, Judged]:
     """By its name the set without each effect."""
-    names = found.model.names
-    left = screen.side_by_side(lambda name, within: _left(found, name, tried, held_out, within), names)
-    return dict(zip(names, left, strict=True))
+    names = fitted.model.names
+    without = screen.side_by_side(lambda name, within: _pruned(fitted, name, tried, held_out, within), names)
+    return dict(zip(names, without, strict=True))
 
 
-def _left(found: Fitted, name: str, tried: Tried, held_out: Cut, screen: Screen) -> Judged:
+def _pruned(fitted: Fitted, name: str, tried: Tried, held_out: Cut, screen: Screen) -> Judged:
     """A set without one of its effects: fitted from where the set is, and from where it was found without."""
-    rest = [without(found, name, screen)]
+    rest = [without(fitted, name, screen)]
     before = tried.get(frozenset(rest[0].model.names))
     if before is not None:
-        rest.append(before if before.cut is found.cut else refined(before, found.cut, screen))
+        rest.append(before if before.cut is fitted.cut else refined(before, fitted.cut, screen))
     return Judged.of(min(rest, key=lambda one: one.cost), held_out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.causes.table import (
     CAUSES,
@@ -23,9 +23,12 @@ from seod.diagnose.causes.table import (
     wave_of,
 )
 from seod.diagnose.fitting.initial_states import best_states, carried_states, simulated_states
-from seod.diagnose.fitting.least_squares import NOISE_ALONE, Fitted, fit
+from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.record.command_period import in_step
-from seod.diagnose.search.first_order_gain import Ahead
+from seod.diagnose.search.first_order_gain import ParentResidual
+from seod.diagnose.tuning.fitting import FIT
+from seod.diagnose.tuning.search import RACE
+from seod.diagnose.tuning.starts import EFFECT_STARTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -33,38 +36,10 @@ if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
 
-from seod.diagnose.starts.effect_starts import OTHER_PLANT, effect_starts
+from seod.diagnose.starts.effect_starts import effect_starts
 
 if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
-
-GLANCES_PART: Final = 0.6
-"""Of the time that is left when a race begins, what its glances may use."""
-GLANCED_TOGETHER: Final = 8
-"""Glances between two looks at the budget: enough for all cores, few enough to end in time."""
-FIRST_TRIED: Final = 12
-"""Starts whose promise is believed before others are tried."""
-GLANCE_STEPS: Final = 2
-"""Steps from every start."""
-REMOTE_STEPS: Final = 12
-"""Steps from one whose K_L and zeta are far from the baseline's."""
-GLANCE_PART: Final = 0.015
-"""Part of the search's time that a glance or a look may use: some plants are slow to simulate."""
-LOOK_STEPS: Final = 3
-"""Further steps of the better causes."""
-WHOLE_STEPS: Final = 4
-"""Steps of the promising ones on all windows for trying."""
-LAST_STEPS: Final = 12
-"""Further steps of the best."""
-CAUSES_LOOKED_AT: Final = 9
-"""Causes of a parent that are looked at."""
-LONGEST_WAVE: Final = 1.02
-"""Numbers of a wave over the travel, over the least, up to which the least has stopped it."""
-CAUSES_ON_ALL: Final = 5
-"""Causes of a parent that are fitted to all windows for trying."""
-FINISHED_AT_LEAST: Final = 4
-FINISHED_WITHIN: Final = 1.0
-"""Sets that are fitted to the end, at least; the others whose mean log error is that near the best."""
 
 
 class Entrant(NamedTuple):
@@ -94,13 +69,15 @@ def extended(screen: Screen, parents: Sequence[Fitted], but: Sequence[str] = ())
     begun = promising(screen, begun)
     seen = best_starts(_all_glanced(screen, begun))
     seen = list(
-        screen.each(lambda one: _on(screen, one, LOOK_STEPS), _front(parents, seen, CAUSES_LOOKED_AT))
+        screen.parallel(
+            lambda one: _on(screen, one, RACE.look_steps), _front(parents, seen, RACE.causes_looked_at)
+        )
     )
-    whole = list(screen.each(lambda one: _whole(screen, one), _front(parents, seen, CAUSES_ON_ALL)))
+    whole = list(screen.parallel(lambda one: _whole(screen, one), _front(parents, seen, RACE.causes_on_all)))
     ranked = sorted(whole, key=lambda one: one.found.cost)
-    last = sum(one.found.cost < ranked[0].found.cost + FINISHED_WITHIN for one in ranked)
-    last = max(last, FINISHED_AT_LEAST)
-    better = [*screen.each(lambda one: _on(screen, one, LAST_STEPS), ranked[:last]), *ranked[last:]]
+    last = sum(one.found.cost < ranked[0].found.cost + RACE.finished_within for one in ranked)
+    last = max(last, RACE.finished_at_least)
+    better = [*screen.parallel(lambda one: _on(screen, one, RACE.last_steps), ranked[:last]), *ranked[last:]]
     better += _richer(screen, better)
     found = [one.found for one in better if not imitates(one.found, screen.every)]
     return sorted(found, key=lambda one: one.cost)
@@ -135,7 +112,7 @@ def _from_grid(screen: Screen, parent: Fitted, but: Sequence[str]) -> list[Entra
             searched = group(name, model.scales)
             own = next(iter(searched.starts), {})
             some = [own | one.values() for one in screen.plants(model, (*model.names, name))]
-            places = {each.place for each in searched.coordinates}
+            places = {coordinate.place for coordinate in searched.coordinates}
             begun += [Entrant(parent, name, start) for start in some if places <= start.keys()]
     return begun
 
@@ -146,14 +123,14 @@ def promising(screen: Screen, some: Iterable[Entrant]) -> list[Entrant]:
     for one in some:
         (far if remote(one.start) else near).append(one)
     parents = {id(one.parent): one.parent for one in near}
-    ahead = {which: Ahead(_on_few(screen, parent)) for which, parent in parents.items()}
+    ahead = {which: ParentResidual(_on_few(screen, parent)) for which, parent in parents.items()}
 
-    def cost(one: Entrant) -> float:
-        return one.parent.cost - ahead[id(one.parent)].promise(one.name, one.start).saves
+    def cost(entrant: Entrant) -> float:
+        return entrant.parent.cost - ahead[id(entrant.parent)].promise(entrant.name, entrant.start).saves
 
-    ranked = sorted(zip(screen.each(cost, near), range(len(near)), strict=True))
+    ranked = sorted(zip(screen.parallel(cost, near), range(len(near)), strict=True))
     near = [near[k] for _, k in ranked]
-    return near[:FIRST_TRIED] + far + near[FIRST_TRIED:]
+    return near[: RACE.first_tried] + far + near[RACE.first_tried :]
 
 
 def _on_few(screen: Screen, parent: Fitted) -> Fitted:
@@ -162,41 +139,43 @@ def _on_few(screen: Screen, parent: Fitted) -> Fitted:
     return replace(parent, cut=screen.cut.only(screen.few), start=parent.start[few], error=parent.error[few])
 
 
-def _all_glanced(screen: Screen, begun: Sequence[Entrant]) -> list[Runner]:
+def _all_glanced(screen: Screen, entrants: Sequence[Entrant]) -> list[Runner]:
     """As many as their part of the budget allows, some at a time: each one sees only what it uses itself."""
-    over, out = screen.budget.share(GLANCES_PART), list[Runner]()
-    for k in range(0, len(begun), GLANCED_TOGETHER):
+    over, out = screen.budget.share(RACE.glances_part), list[Runner]()
+    for k in range(0, len(entrants), RACE.glanced_together):
         if over():
             break
-        out += screen.each(lambda one: _glanced(screen, one), begun[k : k + GLANCED_TOGETHER])
+        out += screen.parallel(lambda one: _glanced(screen, one), entrants[k : k + RACE.glanced_together])
     return out
 
 
-def _glanced(screen: Screen, one: Entrant) -> Runner:
+def _glanced(screen: Screen, entrant: Entrant) -> Runner:
     """After a few steps on few windows."""
-    parent, few = one.parent, screen.cut.only(screen.few)
-    values = begun_from(parent.model.values(parent.x), one.start)
-    model = parent.model.with_effect(one.name).turned(values["K_L"])
+    parent, few = entrant.parent, screen.cut.only(screen.few)
+    values = begun_from(parent.model.values(parent.x), entrant.start)
+    model = parent.model.with_effect(entrant.name).turned(values["K_L"])
     x = model.searched(values)
-    most, start = GLANCE_STEPS, parent.start[list(screen.few)]
-    if remote(one.start):
-        most, start = REMOTE_STEPS, best_states(model, x, few, start, simulated_states(model, x, few))
-    return Runner(parent, one.name, fit(model, few, x, start, most, ended=screen.budget.trial(GLANCE_PART)))
+    most, start = RACE.glance_steps, parent.start[list(screen.few)]
+    if remote(entrant.start):
+        most, start = RACE.remote_steps, best_states(model, x, few, start, simulated_states(model, x, few))
+    return Runner(
+        parent, entrant.name, fit(model, few, x, start, most, ended=screen.budget.trial(RACE.glance_part))
+    )
 
 
-def _on(screen: Screen, one: Runner, most: int) -> Runner:
+def _on(screen: Screen, runner: Runner, most: int) -> Runner:
     """So many steps more where it is."""
-    at, ended = one.found, screen.budget.trial(most * GLANCE_PART / LOOK_STEPS)
-    return one._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
+    at, ended = runner.found, screen.budget.trial(most * RACE.glance_part / RACE.look_steps)
+    return runner._replace(found=fit(at.model, at.cut, at.x, at.start, most, ended=ended))
 
 
-def _whole(screen: Screen, one: Runner) -> Runner:
+def _whole(screen: Screen, runner: Runner) -> Runner:
     """On all windows for trying."""
-    at, start, ended = one.found, one.parent.start.copy(), screen.budget.trial()
+    at, start, ended = runner.found, runner.parent.start.copy(), screen.budget.trial()
     start[list(screen.few)] = at.start
     simulated = simulated_states(at.model, at.x, screen.cut)
     start = best_states(at.model, at.x, screen.cut, start, simulated, carried_states(at, screen.cut))
-    return one._replace(found=fit(at.model, screen.cut, at.x, start, WHOLE_STEPS, ended=ended))
+    return runner._replace(found=fit(at.model, screen.cut, at.x, start, RACE.whole_steps, ended=ended))
 
 
 def _richer(screen: Screen, some: Sequence[Runner]) -> list[Runner]:
@@ -204,7 +183,7 @@ def _richer(screen: Screen, some: Sequence[Runner]) -> list[Runner]:
     ranked = sorted(some, key=lambda one: one.found.cost)
     plain = {rich: _plainly(ranked, rich) for rich in RICHER}
     forms = [partial(_grown, screen, one, rich) for rich, one in plain.items() if one is not None]
-    return list(screen.each(lambda form: form(), forms))
+    return list(screen.parallel(lambda form: form(), forms))
 
 
 def _plainly(ranked: Sequence[Runner], rich: str) -> Runner | None:
@@ -213,10 +192,10 @@ def _plainly(ranked: Sequence[Runner], rich: str) -> Runner | None:
     return next((one for one, own in sets if RICHER[rich] in own and plain_form(own) == set(own)), None)
 
 
-def _grown(screen: Screen, one: Runner, rich: str) -> Runner:
+def _grown(screen: Screen, runner: Runner, rich: str) -> Runner:
     """The same with a richer form of a cause: best perhaps where the plain one is far from it."""
-    at, ended = one.found, screen.budget.trial()
-    model = (at.model if CAUSES[rich].beside else at.model.without(RICHER[rich])).with_effect(rich)
+    at, ended = runner.found, screen.budget.trial()
+    model = (at.model if CAUSES[rich].needs else at.model.without(RICHER[rich])).with_effect(rich)
     values = at.model.values(at.x)
     bent = [plant for plant in screen.plants(model, model.names) if rich in plant.causes and rich in SETTLED]
     if bent:
@@ -224,30 +203,30 @@ def _grown(screen: Screen, one: Runner, rich: str) -> Runner:
     else:
         begin = values | grown(rich, values, model.scales)
     x = model.searched(begin)
-    return one._replace(found=fit(model, screen.cut, x, at.start, LAST_STEPS, ended=ended))
+    return runner._replace(found=fit(model, screen.cut, x, at.start, RACE.last_steps, ended=ended))
 
 
-def imitates(found: Fitted, every: Cut) -> bool:
+def imitates(fitted: Fitted, every: Cut) -> bool:
     """A wave that stands for something else.
 
     A disturbance in step with the command is one line of the plant's own answer, if anything else is
     left. The longest ripple is a bend.
     """
-    values = found.model.values(found.x)
-    for name in found.model.names:
+    values = fitted.model.values(fitted.x)
+    for name in fitted.model.names:
         if CAUSES[name].wave is None:
             continue
         place = f"{name}.{wave_of(name).number}"
         if wave_of(name).over == "time":
-            if found.excess > NOISE_ALONE and in_step(every, values[place]):
+            if fitted.excess > FIT.noise_alone and in_step(every, values[place]):
                 return True
-        elif values[place] < LONGEST_WAVE * _least(found, place):
+        elif values[place] < RACE.longest_wave * _least(fitted, place):
             return True
     return False
 
 
-def _least(found: Fitted, place: str) -> float:
-    return next(each.low for each in found.model.coordinates if each.place == place)
+def _least(fitted: Fitted, place: str) -> float:
+    return next(coordinate.low for coordinate in fitted.model.coordinates if coordinate.place == place)
 
 
 def best_starts(some: Iterable[Runner]) -> list[Runner]:
@@ -260,11 +239,11 @@ def best_starts(some: Iterable[Runner]) -> list[Runner]:
     return [one for kept in best.values() for one in kept]
 
 
-def elsewhere(one: Fitted, other: Fitted) -> bool:
+def elsewhere(fitted: Fitted, other: Fitted) -> bool:
     """Whether a fit that is not much worse than another of the same effects has another plant."""
-    own, others = one.model.values(one.x), other.model.values(other.x)
+    own, others = fitted.model.values(fitted.x), other.model.values(other.x)
     apart = max(abs(math.log(own[of] / others[of])) for of in ("omega_n", "zeta"))
-    return one.cost < other.cost + FINISHED_WITHIN and apart > OTHER_PLANT
+    return fitted.cost < other.cost + RACE.finished_within and apart > EFFECT_STARTS.other_plant
 
 
 def _front(parents: Sequence[Fitted], some: Sequence[Runner], most: int) -> list[Runner]:

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from seod.diagnose.record.windows import Cut, sample, sparse
 from seod.diagnose.starts.relay.grid import grid_plants
+from seod.diagnose.tuning.search import SCREEN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.starts.relay.plant import GridPlant
 
 One = TypeVar("One")
 Made = TypeVar("Made")
-PROBED_S: Final = 3.0
-"""Of windows on which every start is tried."""
-OUTSTANDING_ERROR: Final = 4.0
-"""Squared error in a window over the most in those, from which on it is one of them."""
-SCREENED_S: Final = 6.0
-"""Of windows on which the better causes are fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +31,7 @@ class Screen:
         every: All windows to fit.
         cut: Some of them.
         few: Fewer still: which of `cut`.
-        each: Maps a function over trials, in parallel.
+        parallel: Maps a function over trials, in parallel.
         budget: What the search may use.
         grid_plants: Plants to begin from, of a relay's recording.
     """
@@ -44,7 +39,7 @@ class Screen:
     every: Cut
     cut: Cut
     few: tuple[int, ...]
-    each: Each
+    parallel: ParallelMap
     budget: Budget
     grid_plants: tuple[GridPlant, ...] = ()
 
@@ -55,8 +50,8 @@ class Screen:
         """
         if len(some) == 1:
             return [act(some[0], self)]
-        alone = replace(self, each=map)
-        return list(self.each(lambda one: act(one, alone), some))
+        alone = replace(self, parallel=map)
+        return list(self.parallel(lambda one: act(one, alone), some))
 
     def watching(self, base: Fitted) -> Screen:
         """With the window of which this leaves by far the most, if not yet: an effect may show in no other.
@@ -64,11 +59,11 @@ class Screen:
         `base` is fitted to all windows. A relay's are alike.
         """
         windows, few = self.every.windows, [self.cut.windows[k] for k in self.few]
-        if any(one.relayed for one in self.every.series):
+        if any(recording.relayed for recording in self.every.series):
             return self
         square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
         worst = max(windows, key=lambda one: square[one])
-        if square[worst] < OUTSTANDING_ERROR * max(square[one] for one in few):
+        if square[worst] < SCREEN.outstanding_error * max(square[one] for one in few):
             return self
         some = [k for k, one in enumerate(windows) if one == worst or one in self.cut.windows]
         at = windows.index(worst)
@@ -82,12 +77,12 @@ class Screen:
         return [one for one in self.grid_plants if one.K_L * sign > 0.0 and one.begins(names)]
 
 
-def screen(every: Cut, each: Each, budget: Budget) -> Screen:
+def screen(every: Cut, parallel: ParallelMap, budget: Budget) -> Screen:
     """Windows for trying causes, chosen from all windows to fit."""
-    cut = sparse(sample(every, SCREENED_S))
-    count = max(2, round(len(cut.windows) * PROBED_S / SCREENED_S))
+    cut = sparse(sample(every, SCREEN.screened_s))
+    count = max(2, round(len(cut.windows) * SCREEN.probed_s / SCREEN.screened_s))
     few = np.unique(np.linspace(0, len(cut.windows) - 1, count).round().astype(int))
     since = budget.clock()
     begun = grid_plants(cut) if every.relayed else ()
     budget.excuse(since)
-    return Screen(every, cut, tuple(few.tolist()), each, budget, begun)
+    return Screen(every, cut, tuple(few.tolist()), parallel, budget, begun)

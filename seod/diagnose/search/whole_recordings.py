@@ -7,44 +7,42 @@ whole recording it cannot. Simulations of it take long, so each start of a cause
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import begun_from, further_causes, group
 from seod.diagnose.causes.table import remote as far
 from seod.diagnose.fitting.least_squares import Fitted, fit
-from seod.diagnose.search.beam import MOST_EFFECTS, as_well
-from seod.diagnose.search.first_order_gain import Ahead, Promise
+from seod.diagnose.search.beam import as_well
+from seod.diagnose.search.first_order_gain import ParentResidual, Promise
 from seod.diagnose.search.race import imitates
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
+from seod.diagnose.tuning.search import BEAM, WHOLE_RECORDINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from seod.diagnose.search.screen import Screen
 
-FITTED_CAUSES: Final = 3
-"""Causes that are fitted, of those that promise most."""
-FINISHED_CAUSES: Final = 2
-"""Of them, and of those from far, that are fitted to the end."""
-LEAST_SAVING: Final = 0.2
-"""Mean log squared error that one more effect has to save."""
 
-
-def widened(begun: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
+def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fitted]:
     """Grow a set that was fitted to whole recordings, one effect at a time; the last one is the best.
 
     Args:
-        begun: The set.
+        first: The set.
         screen: Starts of causes.
         over: Tells when there is no time for more.
     """
-    grown = [begun]
-    while len(grown[-1].model.names) < MOST_EFFECTS and not over():
+    grown = [first]
+    while len(grown[-1].model.names) < BEAM.most_effects and not over():
         parent = grown[-1]
         more = further_causes(parent.model.scales, parent.model.names)
-        best = promising(parent, more, screen)[:FITTED_CAUSES] + remote(parent, more)
-        saving = (one for one in _fitted(best, parent, screen, over) if one.cost < parent.cost - LEAST_SAVING)
+        best = promising(parent, more, screen)[: WHOLE_RECORDINGS.fitted_causes] + remote(parent, more)
+        saving = (
+            one
+            for one in _fitted(best, parent, screen, over)
+            if one.cost < parent.cost - WHOLE_RECORDINGS.least_saving
+        )
         found = next((one for one in saving if shown(parent, one, screen)), None)
         if found is None:
             break
@@ -68,30 +66,33 @@ def _fitted(
     """What a few steps make of each, and some more of the better ones; the best first."""
     cut = parent.cut
 
-    def tried(one: Promise) -> Fitted:
+    def tried(promise: Promise) -> Fitted:
         enough = screen.budget.glance()
-        return fit(one.model, cut, one.x, parent.start, ended=lambda: over() or enough())
+        return fit(promise.model, cut, promise.x, parent.start, ended=lambda: over() or enough())
 
-    def finished(one: Fitted) -> Fitted:
+    def finished(fitted: Fitted) -> Fitted:
         enough = screen.budget.last_fit()
-        return fit(one.model, cut, one.x, one.start, ended=lambda: over() or enough())
+        return fit(fitted.model, cut, fitted.x, fitted.start, ended=lambda: over() or enough())
 
-    begun = [one for one in screen.each(tried, best) if not imitates(one, screen.every)]
+    begun = [one for one in screen.parallel(tried, best) if not imitates(one, screen.every)]
     begun.sort(key=_cost)
-    done = [*screen.each(finished, begun[:FINISHED_CAUSES]), *begun[FINISHED_CAUSES:]]
+    done = [
+        *screen.parallel(finished, begun[: WHOLE_RECORDINGS.finished_causes]),
+        *begun[WHOLE_RECORDINGS.finished_causes :],
+    ]
     return sorted((one for one in done if not imitates(one, screen.every)), key=_cost)
 
 
-def _cost(one: Fitted) -> float:
-    return one.cost
+def _cost(fitted: Fitted) -> float:
+    return fitted.cost
 
 
 def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
     """Causes by what they promise to save, the most first; each from the best of its starts."""
-    ahead = Ahead(parent)
+    ahead = ParentResidual(parent)
     trials = [(name, start) for name in causes for start in effect_starts(parent, name, screen.every)]
     best: dict[str, Promise] = {}
-    for name, promise in screen.each(lambda trial: (trial[0], ahead.promise(*trial)), trials):
+    for name, promise in screen.parallel(lambda trial: (trial[0], ahead.promise(*trial)), trials):
         if name not in best or promise.saves > best[name].saves:
             best[name] = promise
     return sorted(best.values(), key=lambda one: -one.saves)

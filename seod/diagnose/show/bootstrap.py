@@ -51,5 +51,5 @@ def _blocks(window: Window, error: Array, parts: int) -> Array:
     """Sums of squares of the error and of the measurement about its mean, shape (parts, 2)."""
     kept = window.scored & np.isfinite(error)
     own = window.y[kept] - np.mean(window.y[kept])
-    pieces = zip(np.array_split(error[kept], parts), np.array_split(own, parts), strict=True)
-    return np.array([(float(e @ e), float(y @ y)) for e, y in pieces])
+    segments = zip(np.array_split(error[kept], parts), np.array_split(own, parts), strict=True)
+    return np.array([(float(e @ e), float(y @ y)) for e, y in segments])

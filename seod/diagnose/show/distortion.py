@@ -63,11 +63,11 @@ def _first_peak(alike: Array, start: int) -> float | None:
     return float(k + (0.5 * (before - after) / bend if bend < 0.0 else 0.0))
 
 
-def harmonics(pieces: Sequence[Array], length: float) -> Harmonics:
-    """Of pieces of a signal, rms over them; `length` is the period [samples]."""
+def harmonics(segments: Sequence[Array], length: float) -> Harmonics:
+    """Of segments of a signal, rms over them; `length` is the period [samples]."""
     count = min(_HARMONICS, int(0.5 * length) - 1)
-    squares = sum(np.abs(_lines(piece, length, count)) ** 2 for piece in pieces)
-    return Harmonics(np.arange(1.0, count + 1.0), np.sqrt(squares / len(pieces)))
+    squares = sum(np.abs(_lines(segment, length, count)) ** 2 for segment in segments)
+    return Harmonics(np.arange(1.0, count + 1.0), np.sqrt(squares / len(segments)))
 
 
 def _lines(x: Array, length: float, count: int) -> Array:

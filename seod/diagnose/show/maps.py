@@ -56,9 +56,9 @@ def binned(x: Array, residual: Array, correlated: float = 1.0) -> Binned:
         return Binned(own / count, mean, mean - half, mean + half)
 
 
-def explains(found: Binned, values: Array) -> bool:
+def explains(binned: Binned, values: Array) -> bool:
     """Whether the bins' means tell most of what there is: the values depend on the quantity."""
-    means = found.mean[np.isfinite(found.mean)]
+    means = binned.mean[np.isfinite(binned.mean)]
     return bool(len(means) > 1 and np.var(means) > _MOSTLY * np.nanvar(values))
 
 

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Array
 
 _SEGMENT: Final = 2048
-"""Longest piece of a spectrum [samples]."""
+"""Longest segment of a spectrum [samples]."""
 _BEYOND: Final = 1.96
 """Standard deviations of the bounds: 95 % of all lags lie within where nothing is left."""
 
 
-def spectrum(pieces: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
-    """Power spectral density of pieces of one signal, their mean: frequencies [Hz], density [unit^2/Hz].
+def spectrum(segments: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
+    """Power spectral density of segments of one signal, their mean: frequencies [Hz], density [unit^2/Hz].
 
     Zero frequency is left out.
     """
-    length = min(_SEGMENT, *(len(piece) for piece in pieces))
-    found = [welch(_present(piece), rate_hz, nperseg=length, detrend="constant") for piece in pieces]
-    density = np.average([each for _, each in found], axis=0, weights=[len(piece) for piece in pieces])
+    length = min(_SEGMENT, *(len(segment) for segment in segments))
+    found = [welch(_present(segment), rate_hz, nperseg=length, detrend="constant") for segment in segments]
+    density = np.average([each for _, each in found], axis=0, weights=[len(segment) for segment in segments])
     return np.asarray(found[0][0][1:]), np.asarray(density[1:])
 
 
@@ -44,19 +44,21 @@ class Correlation(NamedTuple):
         return float(np.mean(np.abs(self.value[kept]) > self.bound)) if kept.any() else 0.0
 
 
-def autocorrelation(pieces: Sequence[Array], lags: int) -> Correlation:
-    """Of pieces of a residual, up to so many samples."""
-    value = _correlation([(piece, piece) for piece in pieces], lags)[lags:]
-    count = sum(len(piece) for piece in pieces)
+def autocorrelation(segments: Sequence[Array], lags: int) -> Correlation:
+    """Of segments of a residual, up to so many samples."""
+    value = _correlation([(segment, segment) for segment in segments], lags)[lags:]
+    count = sum(len(segment) for segment in segments)
     return Correlation(np.arange(lags + 1.0), value, _BEYOND / math.sqrt(count))
 
 
 def cross_correlation(inputs: Sequence[Array], residuals: Sequence[Array], lags: int) -> Correlation:
     """Of input and residual, positive lags: the residual follows; the bound is Bartlett's."""
     value = _correlation(list(zip(inputs, residuals, strict=True)), lags)
-    own = (_correlation([(piece, piece) for piece in pieces], lags) for pieces in (inputs, residuals))
+    own = (
+        _correlation([(segment, segment) for segment in segments], lags) for segments in (inputs, residuals)
+    )
     a, b = own
-    count = sum(len(piece) for piece in residuals)
+    count = sum(len(segment) for segment in residuals)
     bound = _BEYOND * math.sqrt(max(1.0, float(np.sum(a * b))) / count)
     return Correlation(np.arange(-lags, lags + 1.0), value, bound)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,38 +18,17 @@ from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import dominant_hz
 from seod.diagnose.record.windows import Cut, sample, segments, undivided
-from seod.diagnose.starts.sizes import LEAST_SIZE
+from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seod.diagnose.fitting.least_squares import Each, Fitted
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
 
-GRID_DAMPINGS: Final = (0.1, 0.4, 1.2, 5.0)
-GRID_FREQUENCIES: Final = 14
-LOWEST_FREQUENCY: Final = 0.3
-"""Searched frequency over the dominant one, at least; half a period is in each window, too."""
-KEPT_POINTS: Final = 3
-"""Cells of the grid from which the search goes on."""
-GRID_S: Final = 3.0
-"""Of windows in which the grid is searched."""
-ABOVE_LIMIT_CYCLE: Final = 1.2
-LIMIT_CYCLE_DAMPING: Final = 0.3
-"""Natural frequency over the limit cycle's, which delay and backlash make slower; and damping."""
-SLOWEST_PLANT: Final = 2.0
-"""Natural frequency [rad/s] that is searched at least, while neither movement nor samples are slow."""
-SLOW_MOVEMENT: Final = 0.5
-"""Dominant frequency over that, up to which a movement is slow; then `LOWEST_FREQUENCY` holds."""
-SLOWEST_TICKS: Final = 2e-3
-"""The same times the sampling interval, at most: at 1 kHz and above `SLOWEST_PLANT` holds."""
-SHORT_SEGMENT_S: Final = 0.25
-SHORT_SEGMENT_ROWS: Final = 100
-"""Least length of the short segments [s, samples]."""
 
-
-class Begun(NamedTuple):
+class BaselineFits(NamedTuple):
     """Eq. 1, with the effects that the rig's file has, on windows.
 
     Where Eq. 1 alone is far off the other two are nearer to the plant.
@@ -68,48 +47,56 @@ class Begun(NamedTuple):
     closed: Fitted | None = None
 
 
-class Known(NamedTuple):
+class Fixed(NamedTuple):
     """What of the baseline is not searched.
 
     Attributes:
-        effects: Of the rig's file, or told otherwise.
+        effects: Of the rig's file, or given otherwise.
         gain: K_L [unit/s/V]; None where it is searched.
-        told: Those of the effects that the user tells.
+        given: Those of the effects that the user tells.
     """
 
     effects: Mapping[str, Mapping[str, float]]
     gain: float | None = None
-    told: frozenset[str] = frozenset()
+    given: frozenset[str] = frozenset()
 
 
 def baseline(
     cut: Cut,
     sees_speed: bool,
     effects: Mapping[str, Mapping[str, float]],
-    each: Each = map,
+    parallel: ParallelMap = map,
     gain: float | None = None,
-) -> Begun:
+) -> BaselineFits:
     """Search for Eq. 1 from a grid of natural frequencies and damping ratios; K_L may be known (`gain`)."""
-    fixed = Known(effects, gain)
-    few = sample(cut, GRID_S)
-    short = segments(few, max(SHORT_SEGMENT_S, SHORT_SEGMENT_ROWS * max(one.tick for one in cut.series)))
-    points = _grid(short, sees_speed, fixed, each)[:KEPT_POINTS]
-    local = min(each(lambda point: _biased(point, short), points), key=lambda one: one.cost)
-    starts = [local, *_grid(few, sees_speed, fixed, each)[: KEPT_POINTS - 1]]
-    found: list[Fitted] = list(each(lambda point: _plain(point, cut), starts))
+    fixed = Fixed(effects, gain)
+    few = sample(cut, BASELINE.windows_s)
+    short = segments(
+        few,
+        max(
+            BASELINE.short_segment_s,
+            BASELINE.short_segment_rows * max(recording.tick for recording in cut.series),
+        ),
+    )
+    points = _grid(short, sees_speed, fixed, parallel)[: BASELINE.kept_points]
+    local = min(parallel(lambda point: _biased(point, short), points), key=lambda one: one.cost)
+    starts = [local, *_grid(few, sees_speed, fixed, parallel)[: BASELINE.kept_points - 1]]
+    found: list[Fitted] = list(parallel(lambda point: _plain(point, cut), starts))
     near = unchanged(*_begun(local, cut), cut)
     best = min(found, key=lambda one: one.cost)
     if cut.relayed:
-        return Begun(best, near, _swung(cut, sees_speed, fixed))
+        return BaselineFits(best, near, _swung(cut, sees_speed, fixed))
     wide = undivided(cut)
-    of_whole = _plain(_grid(wide, sees_speed, fixed, each)[0], wide)
-    return Begun(best, near, unchanged(of_whole.model, of_whole.x, cut))
+    of_whole = _plain(_grid(wide, sees_speed, fixed, parallel)[0], wide)
+    return BaselineFits(best, near, unchanged(of_whole.model, of_whole.x, cut))
 
 
-def _swung(cut: Cut, sees_speed: bool, fixed: Known) -> Fitted:
+def _swung(cut: Cut, sees_speed: bool, fixed: Fixed) -> Fitted:
     at = cut.series[cut.windows[0][0]]
-    omega = ABOVE_LIMIT_CYCLE * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
-    return unchanged(*_begun(_grid_point(cut, sees_speed, fixed, (omega, LIMIT_CYCLE_DAMPING)), cut), cut)
+    omega = BASELINE.above_limit_cycle * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+    return unchanged(
+        *_begun(_grid_point(cut, sees_speed, fixed, (omega, BASELINE.limit_cycle_damping)), cut), cut
+    )
 
 
 def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
@@ -126,20 +113,22 @@ class _GridPoint(NamedTuple):
     omega_n: float
     zeta: float
     sees_speed: bool
-    fixed: Known
+    fixed: Fixed
 
 
-def _grid(cut: Cut, sees_speed: bool, fixed: Known, each: Each) -> list[_GridPoint]:
+def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> list[_GridPoint]:
     """A grid over omega_n and zeta, K_L and a load bias solved for in each point; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
-    slowest = max(LOWEST_FREQUENCY * omega, _slowest(cut))
-    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), GRID_FREQUENCIES)
-    points = product(frequencies.tolist(), GRID_DAMPINGS)
-    return sorted(each(lambda at: _grid_point(cut, sees_speed, fixed, at), points), key=lambda one: one.cost)
+    slowest = max(BASELINE.lowest_frequency * omega, _slowest(cut))
+    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), BASELINE.frequencies)
+    points = product(frequencies.tolist(), BASELINE.dampings)
+    return sorted(
+        parallel(lambda at: _grid_point(cut, sees_speed, fixed, at), points), key=lambda one: one.cost
+    )
 
 
-def _grid_point(cut: Cut, sees_speed: bool, fixed: Known, at: tuple[float, float]) -> _GridPoint:
+def _grid_point(cut: Cut, sees_speed: bool, fixed: Fixed, at: tuple[float, float]) -> _GridPoint:
     """K_L and a load bias solved for at this omega_n and zeta."""
     omega_n, zeta = at
     model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed.effects, fixed.gain)
@@ -159,8 +148,8 @@ def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
 def _rough(cut: Cut, omega_n: float) -> Scales:
     """Sizes as far as the samples alone show them."""
     y = cut.gathered("y")[cut.good]
-    size = max(float(np.std(y)), LEAST_SIZE)
-    tick = max(one.tick for one in cut.series)
+    size = max(float(np.std(y)), SIZES.least)
+    tick = max(recording.tick for recording in cut.series)
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
     relayed = cut.relayed
     damped = DAMPED_BY_RELAY if relayed else rough.damped
@@ -169,9 +158,15 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
 
 def _slowest_searched(cut: Cut) -> float:
     """Natural frequency that is searched, at least [rad/s]: of slow plants and slow samples it is less."""
-    moves = min(2.0 * math.pi / one.period_s for one in cut.series)
-    slowest = SLOWEST_PLANT if moves > SLOW_MOVEMENT * SLOWEST_PLANT else LOWEST_FREQUENCY * moves
-    return max(min(slowest, SLOWEST_TICKS / max(one.tick for one in cut.series)), _slowest(cut))
+    moves = min(2.0 * math.pi / recording.period_s for recording in cut.series)
+    slowest = (
+        BASELINE.slowest_plant
+        if moves > BASELINE.slow_movement * BASELINE.slowest_plant
+        else BASELINE.lowest_frequency * moves
+    )
+    return max(
+        min(slowest, BASELINE.slowest_ticks / max(recording.tick for recording in cut.series)), _slowest(cut)
+    )
 
 
 def _slowest(cut: Cut) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,16 +14,11 @@ from seod.diagnose.fitting.least_squares import Fitted, settle
 from seod.diagnose.fitting.simulate import POSITION, inside
 from seod.diagnose.starts.lines import lines, wave_starts
 from seod.diagnose.starts.unsigned import unsigned_starts
+from seod.diagnose.tuning.starts import EFFECT_STARTS
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
-
-
-LITTLE_DAMPED: Final = 0.3
-"""Damping below which a plant's own swinging may be a disturbance."""
-OTHER_PLANT: Final = 0.3
-"""Difference of the logarithm of omega_n or zeta from which on plants are others."""
 
 
 def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
@@ -34,25 +29,31 @@ def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
     if CAUSES[name].wave is None:
         return searched.starts
     size = 0.1 * searched.coordinates[0].scale
-    begun = wave_starts(name, _lines_left(parent, name, cut), size)
-    return begun + _where_it_swings(parent, size, cut) if name == SHAKES else begun
+    begun = wave_starts(name, _residual_lines(parent, name, cut), size)
+    return begun + _where_it_oscillates(parent, size, cut) if name == SHAKES else begun
 
 
-def _where_it_swings(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
+def _where_it_oscillates(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
     """A disturbance where the plant swings, which is then damped: the parent may have taken it for that.
 
     A second one at the largest line near it that this one leaves: where it swings may be a fit of both.
     """
     values = parent.model.values(parent.x)
     own = values["omega_n"]
-    if values["zeta"] >= LITTLE_DAMPED:
+    if values["zeta"] >= EFFECT_STARTS.little_damped:
         return ()
-    damped = replace(parent, x=parent.model.searched(values | {"zeta": LITTLE_DAMPED}))
-    near = [line for line in _lines_left(damped, SHAKES, cut) if abs(math.log(line / own)) < OTHER_PLANT]
-    return tuple(one | {"zeta": LITTLE_DAMPED} for one in wave_starts(SHAKES, [own, *near[:1]], size))
+    damped = replace(parent, x=parent.model.searched(values | {"zeta": EFFECT_STARTS.little_damped}))
+    near = [
+        line
+        for line in _residual_lines(damped, SHAKES, cut)
+        if abs(math.log(line / own)) < EFFECT_STARTS.other_plant
+    ]
+    return tuple(
+        one | {"zeta": EFFECT_STARTS.little_damped} for one in wave_starts(SHAKES, [own, *near[:1]], size)
+    )
 
 
-def _lines_left(parent: Fitted, name: str, cut: Cut) -> list[float]:
+def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     """What the residual of all windows shows of a wave."""
     model, x = parent.model, parent.x
     start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)

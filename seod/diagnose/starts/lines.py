@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.causes.table import wave_of
+from seod.diagnose.tuning.starts import LINES
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.record import Wave
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
-
-LINES_TRIED: Final = 3
-"""Of a spectrum, the largest, are tried."""
-_BINS: Final = 2048
-_FINER: Final = 4
-"""Zero padding: points of the spectrum over those of an unpadded one."""
 
 
 def lines(wave: Wave, cut: Cut, residual: Array, position: Array, speed: Array | None) -> list[float]:
@@ -32,46 +27,46 @@ def lines(wave: Wave, cut: Cut, residual: Array, position: Array, speed: Array |
         position: Of the load, shape (n,).
         speed: Of the load, 0 where it is not known, where the sensor sees it: a ripple shows in proportion.
     """
-    lowest = math.ceil(wave.fewest * _FINER)
+    lowest = math.ceil(wave.fewest * LINES.finer)
     if wave.over == "time":
         return _over_time(cut, residual, lowest)
     return _over(position, residual, np.ones(len(residual)) if speed is None else speed, lowest)
 
 
 def _over_time(cut: Cut, residual: Array, lowest: int) -> list[float]:
-    tick = min(one.tick for one in cut.series)
+    tick = min(recording.tick for recording in cut.series)
     k = max({of for of, _, _ in cut.windows}, key=lambda of: len(cut.series[of].t))
     one = cut.series[k]
     grid = np.zeros(round(float(one.t[-1] - one.t[0]) / tick) + 2)
-    for (of, first, last), piece in zip(cut.windows, cut.slices, strict=True):
+    for (of, first, last), own in zip(cut.windows, cut.slices, strict=True):
         if of == k:
             rows = np.round((one.t[first:last] - one.t[0]) / tick).astype(int)
-            grid[rows] = residual[piece] - np.mean(residual[piece])
+            grid[rows] = residual[own] - np.mean(residual[own])
     return _peaks(grid, tick, lowest)
 
 
 def _over(position: Array, residual: Array, shows: Array, lowest: int) -> list[float]:
     """Lines over the position of a wave that is in each sample as far as it `shows` there."""
     span = max(float(np.ptp(position)), 1e-300)
-    index = np.minimum(((position - position.min()) / span * _BINS).astype(int), _BINS - 1)
-    count = np.bincount(index, weights=shows**2, minlength=_BINS)
-    total = np.bincount(index, weights=residual * shows, minlength=_BINS)
+    index = np.minimum(((position - position.min()) / span * LINES.bins).astype(int), LINES.bins - 1)
+    count = np.bincount(index, weights=shows**2, minlength=LINES.bins)
+    total = np.bincount(index, weights=residual * shows, minlength=LINES.bins)
     mean = np.where(count > 0.0, total / np.where(count > 0.0, count, 1.0), 0.0)
-    return _peaks((mean - mean.mean()) * np.sqrt(count), span / _BINS, lowest)
+    return _peaks((mean - mean.mean()) * np.sqrt(count), span / LINES.bins, lowest)
 
 
 def _peaks(signal: Array, step: float, lowest: int) -> list[float]:
     """The largest lines, apart from each other by more than their width [rad per unit of `step`]."""
-    size = _FINER * len(signal)
+    size = LINES.finer * len(signal)
     power = np.abs(np.fft.rfft(signal, size)) ** 2
     power[:lowest] = 0.0
     found: list[float] = []
-    for _ in range(LINES_TRIED):
+    for _ in range(LINES.tried):
         peak = int(np.argmax(power))
         if power[peak] <= 0.0:
             break
         found.append(2.0 * math.pi * _summit(power, peak) / (size * step))
-        power[max(0, peak - 3 * _FINER) : peak + 3 * _FINER] = 0.0
+        power[max(0, peak - 3 * LINES.finer) : peak + 3 * LINES.finer] = 0.0
     return found
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
-from seod.diagnose.starts.baseline import Begun, unchanged
+from seod.diagnose.starts.baseline import BaselineFits, unchanged
+from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales
@@ -18,38 +19,25 @@ if TYPE_CHECKING:
     from seod.diagnose.record.closed_form import ClosedForm
     from seod.diagnose.record.windows import Cut
 
-DIFFERENT_PLANT: Final = 0.2
-"""Part of what a plant leaves by which another must differ there, to be a start of its own."""
-OVERDAMPED_ABOVE: Final = 2.0
-"""Damping from which on one rate of a plant hardly shows."""
-LESS_DAMPING: Final = 1.5
-"""Damping of a plant in its place."""
-FAR_FROM_NOISE: Final = 3.0
-"""Squared error of such a plant over the noise's."""
-HIDDEN: Final = 0.5
-"""NRMSE with an offset and a delay over the baseline's, up to which they hid the plant; chosen."""
-AS_GOOD: Final = 0.1
-"""Further mean log error of the one in its place, at most."""
 
-
-def hidden_by_offset(begun: Begun, base: Judged, closed: ClosedForm) -> Begun:
+def hidden_by_offset(fits: BaselineFits, base: Judged, closed: ClosedForm) -> BaselineFits:
     """With the plant of Eq. 1 beside an offset and a delay, where it leaves much less than the baseline.
 
     Short segments are spoilt by a delay as the baseline is.
     """
-    if not closed.values or closed.nrmse > HIDDEN * base.held.nrmse:
-        return begun
-    near = begun.near
+    if not closed.values or closed.nrmse > SEARCH_ROOTS.hidden * base.held.nrmse:
+        return fits
+    near = fits.near
     model = near.model.turned(closed.values["K_L"])
     x = model.searched(closed.values)
-    return begun._replace(closed=unchanged(model, x, near.cut))
+    return fits._replace(closed=unchanged(model, x, near.cut))
 
 
-def search_roots(base: Fitted, begun: Begun, sizes: Scales, cut: Cut) -> list[Fitted]:
+def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> list[Fitted]:
     """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
     model = replace(base.model, scales=sizes)
     found = [less_damped(fit(model, cut, base.x, settled_states(model, base.x, cut)))]
-    for one in filter(None, (begun.closed, begun.near, begun.other)):
+    for one in filter(None, (fits.closed, fits.near, fits.other)):
         other = replace(one.model, scales=sizes)
         start, nothing = settled_states(other, one.x, cut), np.zeros(len(one.x), np.bool_)
         root = less_damped(fit(other, cut, one.x, start, free=nothing))
@@ -65,18 +53,20 @@ def less_damped(root: Fitted) -> Fitted:
     be, and slow to simulate. Once an effect accounts for what the damping did, both rates count.
     """
     values = root.model.values(root.x)
-    if values["zeta"] < OVERDAMPED_ABOVE or root.excess < FAR_FROM_NOISE:
+    if values["zeta"] < SEARCH_ROOTS.overdamped_above or root.excess < SEARCH_ROOTS.far_from_noise:
         return root
-    part = LESS_DAMPING / values["zeta"]
-    x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": LESS_DAMPING})
-    free = np.array([each.place != "omega_n" for each in root.model.coordinates])
+    part = SEARCH_ROOTS.less_damping / values["zeta"]
+    x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": SEARCH_ROOTS.less_damping})
+    free = np.array([coordinate.place != "omega_n" for coordinate in root.model.coordinates])
     found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
-    less = found.model.values(found.x)["zeta"] < OVERDAMPED_ABOVE
-    return found if less and found.cost < root.cost + AS_GOOD else root
+    less = found.model.values(found.x)["zeta"] < SEARCH_ROOTS.overdamped_above
+    return found if less and found.cost < root.cost + SEARCH_ROOTS.as_good else root
 
 
-def _differ(one: Fitted, other: Fitted) -> bool:
+def _differ(fitted: Fitted, other: Fitted) -> bool:
     """Whether two plants simulate the same windows otherwise, by what they leave of them."""
-    residuals = [weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (one, other)]
+    residuals = [
+        weighted(each.model, each.cut, each.x, each.start)[each.cut.good] for each in (fitted, other)
+    ]
     apart = float(np.linalg.norm(residuals[0] - residuals[1]))
-    return apart > DIFFERENT_PLANT * min(float(np.linalg.norm(each)) for each in residuals)
+    return apart > SEARCH_ROOTS.different_plant * min(float(np.linalg.norm(each)) for each in residuals)

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.initial_states import travelled
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY, inside
+from seod.diagnose.tuning.starts import SIZES
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
-
-
-LEAST_SIZE: Final = 1e-30
-"""Of speed, pressure, travel and swing, in whatever unit: of a load that stands still they are 0."""
-OUTLIERS_OF_TRAVEL: Final = 1e-3
-"""Part of the samples at each end of the travel that do not count: outliers."""
 
 
 def scales(fitted: Fitted, cut: Cut) -> Scales:
@@ -33,11 +28,11 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     places = np.concatenate([_places(one) for one in used])
     return Scales(
         volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
-        speed=max(float(np.std(speed)), LEAST_SIZE),
-        pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), LEAST_SIZE),
+        speed=max(float(np.std(speed)), SIZES.least),
+        pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), SIZES.least),
         centre=float(np.mean(places)),
-        travel=max(float(np.ptp(places)), LEAST_SIZE),
-        swing=_swing(position, speed, cut),
+        travel=max(float(np.ptp(places)), SIZES.least),
+        peak_to_peak=_peak_to_peak(position, speed, cut),
         omega_n=omega_n,
         span_s=max(float(one.t[-1] - one.t[0]) for one in used),
         tick_s=max(one.tick for one in used),
@@ -53,17 +48,17 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     )
 
 
-def _places(one: Series) -> Array:
+def _places(recording: Series) -> Array:
     """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
-    places = travelled(one) if one.sees_speed else one.y[one.good]
-    return np.clip(places, *np.quantile(places, (OUTLIERS_OF_TRAVEL, 1.0 - OUTLIERS_OF_TRAVEL)))
+    places = travelled(recording) if recording.sees_speed else recording.y[recording.good]
+    return np.clip(places, *np.quantile(places, (SIZES.outliers_of_travel, 1.0 - SIZES.outliers_of_travel)))
 
 
-def _swing(position: Array, speed: Array, cut: Cut) -> float:
+def _peak_to_peak(position: Array, speed: Array, cut: Cut) -> float:
     """Median movement from one reversal of the speed to the next; of a speed that has none the travel."""
     moves: list[float] = []
-    for piece in cut.slices:
-        turns = np.flatnonzero(np.diff(np.sign(speed[piece])))
-        moves += np.abs(np.diff(position[piece][turns])).tolist()
-    swing = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
-    return max(swing, LEAST_SIZE)
+    for rows in cut.slices:
+        turns = np.flatnonzero(np.diff(np.sign(speed[rows])))
+        moves += np.abs(np.diff(position[rows][turns])).tolist()
+    moved = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
+    return max(moved, SIZES.least)

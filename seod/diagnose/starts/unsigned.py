@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.simulate import POSITION, simulate
 from seod.diagnose.record.windows import Cut, undivided
+from seod.diagnose.tuning.starts import UNSIGNED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,24 +29,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
 
-BELOW: Final = 5.0
-"""Noise deviations below the least reading of a sensor without sign that any may be; beside a part of y's."""
-BELOW_PART: Final = 0.05
-"""Part of the range of y likewise."""
-NEAR_ZERO: Final = 0.1
-"""Part of the range of y within which the least reading is, of a sensor that was at 0."""
-FREQUENCIES: Final = 12
-DAMPINGS: Final = (0.2, 0.7, 2.0, 6.0)
-"""Of the grid, up to a tenth of the sampling rate."""
-PLACES: Final = 24
-"""Gains of a position that are tried, over a decade about the one whose range is that of the readings."""
-UPRIGHT: Final = 1.2
-"""Squared error of a negative gain over that of a positive one, from which on it counts as less."""
-KEPT: Final = 2
-"""Plants from which readings are given a sign."""
-SIGNED_AGAIN: Final = 3
-"""Times that readings are given the sign of the plant that was fitted to them."""
-
 
 def without_sign(cut: Cut) -> bool:
     """Whether no reading is below 0, and the least ones are near it."""
@@ -53,7 +36,10 @@ def without_sign(cut: Cut) -> bool:
         one = cut.series[k]
         y = one.y[one.good]
         least, span = float(np.quantile(y, 1e-3)), float(np.ptp(y))
-        if least < -BELOW * one.noise - one.step - BELOW_PART * span or least > NEAR_ZERO * span:
+        if (
+            least < -UNSIGNED.below * one.noise - one.step - UNSIGNED.below_part * span
+            or least > UNSIGNED.near_zero * span
+        ):
             return False
     return True
 
@@ -64,7 +50,7 @@ def unsigned_starts(parent: Model, place: str, cut: Cut) -> tuple[Values, ...]:
         return ()
     wide = undivided(cut)
     model = baseline_model(parent.scales, 1.0, parent.sees_speed, parent.fixed)
-    points = sorted(_grid(model, wide), key=lambda one: one.error)[:KEPT]
+    points = sorted(_grid(model, wide), key=lambda one: one.error)[: UNSIGNED.kept]
     return tuple({place: 1.0} | values for point in points for values in _signed(model, point, cut, wide))
 
 
@@ -75,11 +61,11 @@ class _Point(NamedTuple):
 
 def _grid(model: Model, wide: Cut) -> Iterator[_Point]:
     """Natural frequencies and damping ratios, each with its best gain."""
-    tick = max(one.tick for one in wide.series)
+    tick = max(recording.tick for recording in wide.series)
     slowest = math.pi / min(float(wide.series[k].t[b - 1] - wide.series[k].t[a]) for k, a, b in wide.windows)
-    frequencies = np.geomspace(4.0 * slowest, max(0.6 / tick, 8.0 * slowest), FREQUENCIES)
+    frequencies = np.geomspace(4.0 * slowest, max(0.6 / tick, 8.0 * slowest), UNSIGNED.frequencies)
     y, good = wide.gathered("y"), wide.good
-    for omega_n, zeta in product(frequencies.tolist(), DAMPINGS):
+    for omega_n, zeta in product(frequencies.tolist(), UNSIGNED.dampings):
         x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
         start = measured_places(wide)
         shape = simulate(model.record(x), wide, start)
@@ -99,17 +85,19 @@ def _gain(y: Array, shape: Array, begin: Array, *, sees_speed: bool) -> tuple[fl
         tried = np.array([gain])
     else:
         usual = float(np.ptp(y)) / max(float(np.ptp(shape)), 1e-300)
-        sizes = usual * np.geomspace(0.4, 4.0, PLACES)
+        sizes = usual * np.geomspace(0.4, 4.0, UNSIGNED.places)
         tried = np.concatenate([sizes, -sizes])
     errors = np.array([float(np.mean((np.abs(begin + each * shape) - y) ** 2)) for each in tried])
-    best = int(np.argmin(np.where(tried < 0.0, UPRIGHT * errors, errors)))  # turned round it reads alike
+    best = int(
+        np.argmin(np.where(tried < 0.0, UNSIGNED.upright * errors, errors))
+    )  # turned round it reads alike
     return float(tried[best]), float(errors[best])
 
 
 def _signed(model: Model, point: _Point, cut: Cut, wide: Cut) -> list[Values]:
     """The plant fitted to readings that have its sign, some times over."""
     values = point.values
-    for _ in range(SIGNED_AGAIN):
+    for _ in range(UNSIGNED.signed_again):
         own = model.turned(values["K_L"])
         x = own.searched(values)
         given = _given_sign(own, x, cut, wide)
@@ -124,8 +112,8 @@ def _given_sign(model: Model, x: Array, cut: Cut, wide: Cut) -> Cut:
     """Windows of readings with the sign of one simulation of each block."""
     every = list(cut.series)
     seen = simulate(model.record(x), wide, measured_places(wide))
-    for (k, first, last), piece in zip(wide.windows, wide.slices, strict=True):
+    for (k, first, last), own in zip(wide.windows, wide.slices, strict=True):
         y = every[k].y.copy()
-        y[first:last] *= np.where(seen[piece] < 0.0, -1.0, 1.0)
+        y[first:last] *= np.where(seen[own] < 0.0, -1.0, 1.0)
         every[k] = replace(every[k], y=y)
     return Cut(every, cut.windows)

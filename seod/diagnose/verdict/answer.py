@@ -11,15 +11,17 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.fitting.free_run import free_runs
-from seod.diagnose.fitting.held_out import ADEQUATE, nrmse, wholes
+from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
+from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
-from seod.diagnose.verdict.unexplained import left_by_fits, systematic_part, unexplained
+from seod.diagnose.verdict.unexplained import remaining_after_fits, systematic_part, unexplained
 from seod.terminal.text import number
 from sim.effects import EFFECTS
 
@@ -34,9 +36,6 @@ if TYPE_CHECKING:
     from seod.diagnose.search.beam import Grown
     from seod.diagnose.verdict.effects import Chosen
 
-OUTLIER_BEYOND: Final = 4.0
-MOST_OUTLIERS: Final = 0.03
-"""Standard deviations of the noise beyond which a sample is an outlier, where there are any; their part."""
 RARE: Final = (
     "what is left shows in windows that were fitted and in none that was held out: no cause of it can be "
     "tried out. A longer recording, in which it happens again, tells more"
@@ -56,7 +55,7 @@ UNSURE: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Searched:
     """Results of the search.
 
     Attributes:
@@ -79,7 +78,7 @@ class Found:
 
 
 def answered(
-    found: Found,
+    searched: Searched,
     to_fit: Cut,
     held_out: Cut,
     checked: Sequence[Defects],
@@ -91,38 +90,38 @@ def answered(
     `relevance` is the systematic rest from which on it is `unexplained`, over the movement's deviation.
     """
     seen = len(to_fit.series)
-    baseline, plain = _scored(found.base, found.held, seen)
-    extended, whole = _scored(found.chosen.over_all, found.chosen.held, seen)
-    base, best = Judged.of(found.base, to_fit).held, found.seen
-    left, rare = _left_over(found, base)
-    held = found.chosen.held
-    account, yardstick = accounted(found.chosen.over_all, best, held, found.held)
-    if not rare and held.adequacy >= ADEQUATE:
-        left = systematic_part(left, account, held.nrmse, relevance)
-    defects = _record_effects(checked, found.chosen.held, best)
+    baseline, plain = _scored(searched.base, searched.held, seen)
+    extended, whole = _scored(searched.chosen.over_all, searched.chosen.held, seen)
+    base, best = Judged.of(searched.base, to_fit).held, searched.seen
+    rest, rare = _remainder(searched, base)
+    held = searched.chosen.held
+    account, yardstick = accounted(searched.chosen.over_all, best, held, searched.held)
+    if not rare and held.adequacy >= HELD_OUT.adequate:
+        rest = systematic_part(rest, account, held.nrmse, relevance)
+    defects = _record_effects(checked, searched.chosen.held, best)
     for shown in _by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
-    every = (*found.effects, *defects)
+    every = (*searched.effects, *defects)
     return Diagnosis(
-        verdict=_verdict(every, left),
+        verdict=_verdict(every, rest),
         baseline=baseline,
         effects=every,
         extended=extended,
-        noise_floor_nrmse=_floor(found.held, account, left),
-        unexplained=left,
-        next_experiment=_experiment(found, held_out),
+        noise_floor_nrmse=_floor(searched.held, account, rest),
+        unexplained=rest,
+        next_experiment=_experiment(searched, held_out),
         output=output,
-        noise_sd=tuple(one.noise for one in held_out.series),
-        adequacy=found.chosen.held.adequacy,
-        windows=tuple(_windows(found, base, best)),
+        noise_sd=tuple(recording.noise for recording in held_out.series),
+        adequacy=searched.chosen.held.adequacy,
+        windows=tuple(_windows(searched, base, best)),
         whole=drawn(held_out, plain, whole),
-        candidates=_candidates(found),
+        candidates=_candidates(searched),
         remarks=(
             *dict.fromkeys(remark for each in checked for remark in each.remarks),
             *rare,
-            *_limited(found.chosen.over_all),
-            *(SWEPT.format(name=each.name) for each in found.effects if _swept(each, held)),
+            *_limited(searched.chosen.over_all),
+            *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
         account=account,
@@ -137,18 +136,18 @@ def _by_samples(checked: Sequence[Defects]) -> list[Defect]:
     return list({each.name: each for each in reversed(every)}.values())
 
 
-def trimmed(found: Found) -> Found:
+def trimmed(searched: Searched) -> Searched:
     """The same without rows whose error is none of the rest's, where the recordings have outliers.
 
     Those that differ little from their neighbours are told by a model only.
     """
-    near, seen = _near(found.chosen.held), _near(found.seen)
-    chosen = replace(found.chosen, held=replace(found.chosen.held, scored=near))
+    near, seen = _near(searched.chosen.held), _near(searched.seen)
+    chosen = replace(searched.chosen, held=replace(searched.chosen.held, scored=near))
     return replace(
-        found,
+        searched,
         chosen=chosen,
-        held=replace(found.held, scored=near),
-        seen=replace(found.seen, scored=seen),
+        held=replace(searched.held, scored=near),
+        seen=replace(searched.seen, scored=seen),
         outlying=True,
     )
 
@@ -156,55 +155,55 @@ def trimmed(found: Found) -> Found:
 def _near(held: HeldOut) -> Mask:
     """Rows that count, but for those far off, if these are few."""
     noise = np.repeat(held.cut.floor, held.cut.sizes)
-    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= OUTLIER_BEYOND * noise)
+    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= ANSWER.outlier_beyond * noise)
     return (
         near
-        if np.count_nonzero(near) >= (1.0 - MOST_OUTLIERS) * np.count_nonzero(held.scored)
+        if np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
         else held.scored
     )
 
 
-def _left_over(found: Found, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
+def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
     """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
-    left = unexplained(found.held, found.chosen.held)
-    if left.fraction > 0.0:
-        if fits_both(found.chosen.found, found.chosen.held):
+    rest = unexplained(searched.held, searched.chosen.held)
+    if rest.fraction > 0.0:
+        if fits_both(searched.chosen.found, searched.chosen.held):
             return Unexplained(0.0), (UNSURE,)
-        return left, (UNFITTED,) if one_sided(found.seen, found.chosen.held) else ()
-    if one_sided(found.seen, found.chosen.held):
-        return unexplained(replace(base, scored=found.seen.scored), found.seen), (RARE,)
-    if not found.outlying and misfits(found.chosen.over_all):
-        left = left_by_fits(found.base, found.chosen.over_all, found.seen)
-    return left, (RARE,) if left.fraction > 0.0 else ()
+        return rest, (UNFITTED,) if one_sided(searched.seen, searched.chosen.held) else ()
+    if one_sided(searched.seen, searched.chosen.held):
+        return unexplained(replace(base, scored=searched.seen.scored), searched.seen), (RARE,)
+    if not searched.outlying and misfits(searched.chosen.over_all):
+        rest = remaining_after_fits(searched.base, searched.chosen.over_all, searched.seen)
+    return rest, (RARE,) if rest.fraction > 0.0 else ()
 
 
-def _limited(found: Fitted) -> list[str]:
+def _limited(fitted: Fitted) -> list[str]:
     """Numbers that the search would not let go further."""
-    values = found.model.values(found.x)
+    values = fitted.model.values(fitted.x)
     return [
         f"{place} is at its limit ({number(values[place])}): the recording does not tell how far it goes"
-        for place in at_limits(found)
+        for place in at_limits(fitted)
         if place in values
     ]
 
 
 def _swept(effect: FoundEffect, held: HeldOut) -> bool:
     of_plant = EFFECTS[effect.name].enters == "plant"
-    return of_plant and any(sweeps(one.t, one.u) for one in held.cut.series)
+    return of_plant and any(sweeps(recording.t, recording.u) for recording in held.cut.series)
 
 
-def _floor(held: HeldOut, account: Account | None, left: Unexplained) -> float:
+def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
     """NRMSE of a perfect model: that of white noise, or of noise of any colour where nothing else is left."""
-    if account is None or left.fraction > 0.0:
+    if account is None or rest.fraction > 0.0:
         return held.floor
     return max(held.floor, math.sqrt(account.not_repeatable) * held.nrmse)
 
 
-def _experiment(found: Found, held_out: Cut) -> NextExperiment | None:
-    best, one = found.chosen.over_all, held_out.series[0]
+def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
+    best, one = searched.chosen.over_all, held_out.series[0]
     volts = float(np.max(np.abs(one.u)))
     asked = best.model, best.x, one.noise, volts, one.tick
-    told = next_experiment(found.effects, *asked)
+    told = next_experiment(searched.effects, *asked)
     return told or (beyond_a_relay(*asked) if held_out.relayed else None)
 
 
@@ -216,27 +215,27 @@ def _scored(fitted: Fitted, held: HeldOut, seen: int) -> tuple[Score, list[Array
     return replace(told, free_runs=free_runs(fitted.model, fitted.x, held.cut.series, seen)), simulated
 
 
-def _verdict(effects: Sequence[FoundEffect], left: Unexplained) -> Verdict:
-    if left.fraction > 0.0:
+def _verdict(effects: Sequence[FoundEffect], rest: Unexplained) -> Verdict:
+    if rest.fraction > 0.0:
         return "unexplained"
     return "effects" if effects else "clean"
 
 
-def _windows(found: Found, base: HeldOut, best: HeldOut) -> list[Window]:
+def _windows(searched: Searched, base: HeldOut, best: HeldOut) -> list[Window]:
     seen = windows(base, best, held_out=False)
-    seen += windows(found.held, found.chosen.held, held_out=True)
+    seen += windows(searched.held, searched.chosen.held, held_out=True)
     return sorted(seen, key=lambda window: (window.file, window.rows))
 
 
-def _candidates(found: Found) -> tuple[Candidate, ...]:
+def _candidates(searched: Searched) -> tuple[Candidate, ...]:
     """Causes that were tried alone, by what they save of the mean log error."""
-    reference = max(one.cost for one in found.grown.best)
-    names = {each.name for each in found.effects}
+    reference = max(one.cost for one in searched.grown.best)
+    names = {each.name for each in searched.effects}
     out = []
-    for one in found.grown.tried.values():
+    for one in searched.grown.tried.values():
         if len(one.model.names) == 1:
             gain = reference - one.cost
-            nrmse_with = found.held.nrmse * math.exp(-0.5 * gain)
+            nrmse_with = searched.held.nrmse * math.exp(-0.5 * gain)
             name = one.model.names[0]
             out.append(Candidate(name, gain, nrmse_with, name in names))
     return tuple(sorted(out, key=lambda each: -each.gain))
@@ -252,7 +251,7 @@ def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) 
     for k, defects in enumerate(checked):
         rows = defects.off.tolist()
         simulated = _by_row(held, k, rows) | _by_row(fitted, k, rows)
-        for each in defects.confirmed(_left(held, k), simulated, held.cut.series[k].noise):
+        for each in defects.confirmed(_late_error(held, k), simulated, held.cut.series[k].noise):
             out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
         if defects.coarse is not None and defects.coarse.name not in out:
             out[defects.coarse.name] = _rounded(defects.coarse, defects.step, held)
@@ -262,12 +261,12 @@ def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) 
 def _by_row(held: HeldOut, file: int, rows: Sequence[int]) -> dict[int, float]:
     """Simulated readings of some rows of a recording, as far as they are in its windows."""
     out: dict[int, float] = {}
-    for (k, first, last), piece in zip(held.cut.windows, held.cut.slices, strict=True):
-        out |= {row: held.simulated[piece][row - first] for row in rows if k == file and first <= row < last}
+    for (k, first, last), scored in zip(held.cut.windows, held.cut.slices, strict=True):
+        out |= {row: held.simulated[scored][row - first] for row in rows if k == file and first <= row < last}
     return out
 
 
-def _left(held: HeldOut, file: int) -> float:
+def _late_error(held: HeldOut, file: int) -> float:
     """Mean squared error of a recording's windows held out; infinite where it has none."""
     own = [square for square, (k, _, _) in zip(held.square, held.cut.windows, strict=True) if k == file]
     return float(np.mean(own)) if own else math.inf

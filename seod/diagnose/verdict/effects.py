@@ -70,31 +70,33 @@ def found_effects(
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
 
-def _over_the_sweep(name: str, found: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
+def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
     """Causes that alone gain something too, where the plant changes while the command sweeps.
 
     What depends on frequency or amplitude depends on time then.
     """
-    if EFFECTS[name].enters != "plant" or not any(sweeps(one.t, one.u) for one in found.cut.series):
+    if EFFECTS[name].enters != "plant" or not any(
+        sweeps(recording.t, recording.u) for recording in fitted.cut.series
+    ):
         return []
     alone = sorted((one for names, one in tried.items() if len(names) == 1), key=lambda one: one.cost)
-    enough = max((one.cost for one in alone), default=0.0) - least_gain(found.cut)
+    enough = max((one.cost for one in alone), default=0.0) - least_gain(fitted.cut)
     return [one.model.names[0] for one in alone if one.cost < enough and name not in one.model.names]
 
 
 def _in_place_of(
-    name: str, found: Fitted, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+    name: str, fitted: Fitted, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
 ) -> list[str]:
     """Causes that explain as well what `name` does, the others of the set fitted anew."""
     others = frozenset(rest.model.names)
     siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:
-        siblings = extended(screen, [refined(rest, screen.cut, screen)], found.model.names)
+        siblings = extended(screen, [refined(rest, screen.cut, screen)], fitted.model.names)
     few, every = screen.cut, screen.every
-    reach = refined(found, few, screen).cost + 2.0 * least_gain(few)
+    reach = refined(fitted, few, screen).cost + 2.0 * least_gain(few)
     near = [one for one in siblings if one.cost < reach]
-    near += alike(found, name, screen)
-    own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [found, *near])
+    near += alike(fitted, name, screen)
+    own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [fitted, *near])
     good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
     return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from seod.diagnose.fitting import work
+from seod.diagnose.tuning.verdict import TRIAL
 from sim.excitation import multisine, sine, steps
 from sim.runs import RELAY, sampled_relay
 from sim.state import new_state
@@ -23,15 +24,8 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
 
-TRIAL_PERIODS: Final = 25.0
-"""Of omega_n, that a trial lasts at least."""
-TRIAL_S: Final = (1.5, 5.0)
-FEWEST_PERIODS: Final = 3.0
-"""Of a slow plant, that a trial lasts in any case, if need be with fewer samples a second."""
-MOST_SAMPLES: Final = 6000
 _NONE: Final = np.empty(0)
 _SEED: Final = 1
-_TRIES: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +63,10 @@ class Run:
 def times(omega_n: float, tick: float) -> Array:
     """Of the samples of a trial [s]."""
     period = 2.0 * math.pi / omega_n
-    least = FEWEST_PERIODS * period
-    length = min(max(TRIAL_S[0], TRIAL_PERIODS * period), max(TRIAL_S[1], least))
-    tick = max(tick, least / MOST_SAMPLES)
-    return np.arange(min(round(length / tick), MOST_SAMPLES), dtype=np.float64) * tick
+    least = TRIAL.fewest_periods * period
+    length = min(max(TRIAL.lasts_s[0], TRIAL.periods * period), max(TRIAL.lasts_s[1], least))
+    tick = max(tick, least / TRIAL.most_samples)
+    return np.arange(min(round(length / tick), TRIAL.most_samples), dtype=np.float64) * tick
 
 
 def perform(record: NDArray[np.void], excitation: Excitation, t: Array) -> Run:
@@ -137,7 +131,7 @@ def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> t
         inside = np.clip(begin, low + 1e-9, high - 1e-9)
         step = [1e-4] * len(begin)
         answer = least_squares(
-            residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=_TRIES
+            residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=TRIAL.tries
         )
         rms = math.sqrt(2.0 * float(answer.cost) / len(run.t))
         if rms < best:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.causes.table import CAUSES, alike_under_relay, group, hidden_by_relay
 from seod.diagnose.result import NextExperiment
+from seod.diagnose.tuning.verdict import NEXT_EXPERIMENT
 from seod.diagnose.verdict.experiment_trial import Excitation, Run, follow, perform, refitted, times
 
 if TYPE_CHECKING:
@@ -16,14 +17,6 @@ if TYPE_CHECKING:
 
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, FoundEffect
-
-MISSES_BY: Final = 1.0
-"""Times the noise by which the rival must miss, once it is fitted: its squared error is then doubled."""
-PRESSURE_DIFFERS: Final = 0.03
-"""Part of the load pressure's deviation by which the models must differ for it to be worth a sensor."""
-_RIVALS_TRIED: Final = 3
-_STARTS_TRIED: Final = 2
-"""Places from which a rival's fit begins."""
 
 
 class Rival(NamedTuple):
@@ -50,7 +43,7 @@ def next_experiment(
     for effect in effects:
         rivals = [each for name in effect.indistinguishable_from if (each := _rival(name, effect, model, x))]
         if rivals:
-            return _for(effect, rivals[:_RIVALS_TRIED], model, x, noise, volts, tick)
+            return _for(effect, rivals[: NEXT_EXPERIMENT.rivals_tried], model, x, noise, volts, tick)
     return None
 
 
@@ -70,7 +63,7 @@ def beyond_a_relay(model: Model, x: Array, noise: float, volts: float, tick: flo
         shown = other.searched(values | hidden_by_relay()[name].shown(volts))
         run = perform(other.record(shown), excitation, t)
         apart.append(refitted(model, [x], run, noise)[1])
-    if not names or min(apart) < MISSES_BY:
+    if not names or min(apart) < NEXT_EXPERIMENT.misses_by:
         return None
     low, high = excitation.band
     amplitudes = ", ".join(f"{each:.3g}" for each in excitation.amplitudes)
@@ -104,9 +97,9 @@ def _rival(name: str, effect: FoundEffect, model: Model, x: Array) -> Rival | No
     other = model.without(effect.name).with_effect(name)
     values = model.values(x)
     begins = [values | start for start in group(name, model.scales).starts]
-    places = {each.place for each in other.coordinates}
+    places = {coordinate.place for coordinate in other.coordinates}
     known = [other.searched(start) for start in begins if places <= start.keys()]
-    return Rival(name, other, known[:_STARTS_TRIED]) if known else None
+    return Rival(name, other, known[: NEXT_EXPERIMENT.starts_tried]) if known else None
 
 
 def _for(
@@ -119,10 +112,10 @@ def _for(
         apart = _apart(rivals, run, noise)
         if best is None or apart > best[0]:
             best = apart, excitation
-        if apart > MISSES_BY:
+        if apart > NEXT_EXPERIMENT.misses_by:
             break
-    if best is not None and best[0] > MISSES_BY:
-        return _told(effect, rivals, best[1], best[0], float(t[-1]))
+    if best is not None and best[0] > NEXT_EXPERIMENT.misses_by:
+        return _experiment(effect, rivals, best[1], best[0], float(t[-1]))
     return _sensor(
         effect, rivals, perform(record, excitations(model.values(x)["omega_n"], volts, tick)[-1], t), noise
     )
@@ -133,7 +126,7 @@ def _apart(rivals: Sequence[Rival], run: Run, noise: float) -> float:
     least = math.inf
     for each in rivals:
         least = min(least, refitted(each.model, each.begins, run, noise)[1])
-        if least < MISSES_BY:
+        if least < NEXT_EXPERIMENT.misses_by:
             break
     return least
 
@@ -156,7 +149,7 @@ def _rounded(hz: float) -> float:
     return round(hz, max(3, 2 - math.floor(math.log10(hz))))
 
 
-def _told(
+def _experiment(
     effect: FoundEffect, rivals: Sequence[Rival], excitation: Excitation, apart: float, length: float
 ) -> NextExperiment:
     names = effect.name, *(each.name for each in rivals)
@@ -202,7 +195,7 @@ def _sensor(effect: FoundEffect, rivals: Sequence[Rival], run: Run, noise: float
         x, _ = refitted(each.model, each.begins, run, noise)
         _, pressure = follow(each.model.record(x), run.t, run.u)
         apart = min(apart, float(np.sqrt(np.mean((pressure - run.pressure) ** 2))) / spread)
-    if apart < PRESSURE_DIFFERS:
+    if apart < NEXT_EXPERIMENT.pressure_differs:
         return None
     names = effect.name, *(each.name for each in rivals)
     return NextExperiment(

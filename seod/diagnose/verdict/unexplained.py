@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.held_out import ADEQUATE
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
 from seod.diagnose.result import Unexplained
+from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.verdict import UNEXPLAINED
 from seod.identify.spread import correlation_time
 
 if TYPE_CHECKING:
@@ -17,18 +18,12 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.result import Account, Array
 
-NEGLIGIBLE: Final = 2e-4
-"""Part of the squared error that is as good as explained: of it starts fitted to short windows leave some."""
-NAMED_SHARE: Final = 0.08
-"""Of the rest that a smooth function has to tell, to be named."""
-_BINS: Final = 16
-
 
 def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     """The share of the baseline's squared error above the noise that remains."""
-    if extended.adequacy < ADEQUATE:
+    if extended.adequacy < HELD_OUT.adequate:
         return Unexplained(0.0)
-    return _left(_above_noise(baseline), _above_noise(extended), extended)
+    return _fraction(_above_noise(baseline), _above_noise(extended), extended)
 
 
 def systematic_part(left: Unexplained, account: Account | None, rest: float, relevance: float) -> Unexplained:
@@ -44,25 +39,25 @@ def systematic_part(left: Unexplained, account: Account | None, rest: float, rel
         return left
     if account is None or not account.asked:
         return left if rest > relevance else Unexplained(0.0)
-    told = account.explained + account.systematic
-    if not account.systematic_nrmse > relevance or not told > 0.0:
+    above = account.explained + account.systematic
+    if not account.systematic_nrmse > relevance or not above > 0.0:
         return Unexplained(0.0)
-    return replace(left, fraction=account.systematic / told)
+    return replace(left, fraction=account.systematic / above)
 
 
-def left_by_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
+def remaining_after_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
     """The same of the windows that both were fitted to; `seen` is the model's simulation of these."""
     before, after = (float(np.mean(one.error - one.cut.allowed**2)) for one in (baseline, extended))
-    return _left(before, after, seen)
+    return _fraction(before, after, seen)
 
 
-def _left(before: float, after: float, extended: HeldOut) -> Unexplained:
+def _fraction(before: float, after: float, extended: HeldOut) -> Unexplained:
     """By squared errors above the noise."""
     fraction = min(1.0, after / before) if before > 0.0 else 1.0
-    if fraction < NEGLIGIBLE:
+    if fraction < UNEXPLAINED.negligible:
         return Unexplained(0.0)
     shares = _shares(extended)
-    named = tuple(name for name, share in shares.items() if share > NAMED_SHARE)
+    named = tuple(name for name, share in shares.items() if share > UNEXPLAINED.named_share)
     return Unexplained(fraction, named, shares)
 
 
@@ -82,18 +77,18 @@ def _shares(held: HeldOut) -> dict[str, float]:
         "position": held.states[:, POSITION],
         "time": held.cut.gathered("t"),
     }
-    if all(len(one.supply) for one in held.cut.series):
+    if all(len(recording.supply) for recording in held.cut.series):
         signals["supply_pressure"] = held.cut.gathered("supply")
-    if all(len(one.force) for one in held.cut.series):
+    if all(len(recording.force) for recording in held.cut.series):
         signals["measured_channel"] = held.cut.gathered("force")
-    independent = max(len(residual) / max(correlation_time(residual), 1.0), _BINS + 2.0)
+    independent = max(len(residual) / max(correlation_time(residual), 1.0), UNEXPLAINED.bins + 2.0)
     shares = {name: _share(residual, signal[rows], independent) for name, signal in signals.items()}
     return dict(sorted(shares.items(), key=lambda one: -one[1]))
 
 
 def _share(residual: Array, signal: Array, independent: float) -> float:
     """Between-bin part of the variance, less what as many means of noise would tell."""
-    edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
+    edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, UNEXPLAINED.bins + 1)[1:-1]))
     index = np.searchsorted(edges, signal)
     count = np.bincount(index)
     total = np.bincount(index, weights=residual)

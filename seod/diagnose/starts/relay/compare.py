@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -17,6 +17,7 @@ from seod.diagnose.fitting.model import grouped, tolerance
 from seod.diagnose.fitting.simulate import LOOSE, STATES, simulate
 from seod.diagnose.record.windows import Cut
 from seod.diagnose.starts.relay.plant import GridPlant
+from seod.diagnose.tuning.starts import COMPARE
 from sim.parameters import parameters
 
 if TYPE_CHECKING:
@@ -25,32 +26,6 @@ if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array
-
-CYCLES_BEFORE: Final = 12.0
-PARTS: Final = 3
-CYCLES_A_PART: Final = 5.0
-FEWEST_SAMPLES: Final = 20
-"""Limit cycles from rest until a plant is compared, parts in which it is, and limit cycles and least samples
-in each."""
-REST_IN_GAP: Final = 0.5
-"""Place in its gap where the load begins, from a flank, over the gap."""
-DELAYS_TRIED: Final = (0.025, 0.05, 0.075, 0.1, 0.15)
-RAMPS_TRIED: Final = tuple(np.geomspace(0.06, 0.48, 16).tolist())
-"""Delays, and how long a valve's ramps last, in periods of the limit cycle."""
-LEAST_GAIN: Final = 1e-3
-DERIVATIVE_STEP: Final = 1e-3
-MOST_SIMULATIONS: Final = 160
-"""Of the steps from a plant: the least share of the squares that they gain, the differences [1] of their
-derivatives, and the most simulations. Each part weighs as much as the others where they begin."""
-NOT_SIMULATED: Final = 10.0
-"""What is left by a plant that cannot be simulated, over the recording."""
-RANGES: Final = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
-LONGEST_RAMP: Final = 0.5
-SHARE_RANGE: Final = (0.01, 0.995)
-"""Within which they go: omega_n over the limit cycle's frequency, zeta, delay over its period, or a ramp's
-length, at most `LONGEST_RAMP`, and shares."""
-STRONGEST_DISTURBANCE: Final = 1e5
-"""Acceleration by which a plant is tried, at most [unit/s^2]."""
 
 
 class Segment:
@@ -69,22 +44,26 @@ class Segment:
         self.one: Series = cut.series[k]
         self.tick = self.one.tick
         cycle = self.one.period_s / self.tick
-        begin = max(0, first - round(CYCLES_BEFORE * cycle))
-        end = min(last, first + round(PARTS * CYCLES_A_PART * cycle))
+        begin = max(0, first - round(COMPARE.cycles_before * cycle))
+        end = min(last, first + round(COMPARE.parts * COMPARE.cycles_a_part * cycle))
         self.cut, self.rows = Cut([self.one], ((0, begin, end),)), slice(begin, end)
         self.t, self.good = self.one.t[self.rows], self.one.good[self.rows]
-        edges = np.linspace(first - begin, end - begin, PARTS + 1).astype(int).tolist()
+        edges = np.linspace(first - begin, end - begin, COMPARE.parts + 1).astype(int).tolist()
         if grown and begin == 0 and edges[0] > cycle:
             edges = [0, *edges]
         parts = [slice(a, b) for a, b in pairwise(edges)]
-        self.parts = [rows for rows in parts if np.count_nonzero(self.good[rows]) > FEWEST_SAMPLES]
+        self.parts = [rows for rows in parts if np.count_nonzero(self.good[rows]) > COMPARE.fewest_samples]
         self.omega = 2.0 * math.pi / self.one.period_s
         self.ramped = ramped
-        self.ranges = [*RANGES[:2], (RANGES[2][0], LONGEST_RAMP)] if ramped else RANGES
-        self.delays = [late * self.one.period_s for late in (0.0, *(RAMPS_TRIED if ramped else DELAYS_TRIED))]
+        self.ranges = (
+            [*COMPARE.ranges[:2], (COMPARE.ranges[2][0], COMPARE.longest_ramp)] if ramped else COMPARE.ranges
+        )
+        self.delays = [
+            late * self.one.period_s for late in (0.0, *(COMPARE.ramps if ramped else COMPARE.delays))
+        ]
         self.unit = 1.0 / float(np.max(np.abs(self.one.u)))
         self.hidden = hidden
-        self._swings: dict[tuple[float, ...], float] = {}
+        self._oscillations: dict[tuple[float, ...], float] = {}
         self.lines = [self._line(rows) for rows in self.parts]
         self.seen = self._abouts(self.one.y[self.rows])
 
@@ -97,7 +76,7 @@ class Segment:
         return self._compared(answer, plain, self.delays)
 
     def _plain(
-        self, quicker: float, zeta: float, shares: Values, rest: float = REST_IN_GAP
+        self, quicker: float, zeta: float, shares: Values, rest: float = COMPARE.rest_in_gap
     ) -> tuple[GridPlant, Array]:
         """A plant before it is brought to the recording's size, and its answer."""
         omega_n = quicker * self.omega
@@ -111,8 +90,8 @@ class Segment:
         late = [plant.delay / self.one.period_s] if plant.delay > 0.0 else []
         numbers = [plant.omega_n / self.omega, plant.zeta, *late]
         has_gap = not GAPS.isdisjoint(plant.shares)
-        others = [*plant.shares.values(), *([REST_IN_GAP] if has_gap else [])]
-        low, high = np.array([*np.log(self.ranges[: len(numbers)]), *[SHARE_RANGE] * len(others)]).T
+        others = [*plant.shares.values(), *([COMPARE.rest_in_gap] if has_gap else [])]
+        low, high = np.array([*np.log(self.ranges[: len(numbers)]), *[COMPARE.share_range] * len(others)]).T
         first = logit((np.array([*np.log(numbers), *others]) - low) / (high - low))
         best = plant._replace(cost=math.inf)
 
@@ -121,23 +100,30 @@ class Segment:
             there = low + (high - low) * expit(first + at - 1.0)
             quicker, zeta, *periods = np.exp(there[: len(numbers)]).tolist()
             shared: list[float] = there[len(numbers) :].tolist()
-            rest = shared.pop() if has_gap else REST_IN_GAP
+            rest = shared.pop() if has_gap else COMPARE.rest_in_gap
             shares = dict(zip(plant.shares, shared, strict=True))
             try:
                 found, remains = self._tried(quicker, zeta, shares, self.one.period_s * sum(periods), rest)
             except ValueError:  # a size that no plant may have
-                return [NOT_SIMULATED * seen for seen in self.seen]
+                return [COMPARE.not_simulated * seen for seen in self.seen]
             best = min(best, found, key=lambda one: one.cost)
-            return remains if math.isfinite(found.cost) else [NOT_SIMULATED * seen for seen in self.seen]
+            return (
+                remains if math.isfinite(found.cost) else [COMPARE.not_simulated * seen for seen in self.seen]
+            )
 
         def weighted(at: Array) -> Array:
             return np.concatenate([w * one for w, one in zip(weights, left(at), strict=True)])
 
         # MINPACK's differences are relative, so it is given what begins at one.
-        at, strides = np.ones(len(first)), np.full(len(first), DERIVATIVE_STEP)
+        at, strides = np.ones(len(first)), np.full(len(first), COMPARE.derivative_step)
         weights = [1.0 / max(float(np.linalg.norm(one)), 1e-300) for one in left(at)]
         least_squares(
-            weighted, at, method="lm", diff_step=strides, ftol=LEAST_GAIN, max_nfev=MOST_SIMULATIONS
+            weighted,
+            at,
+            method="lm",
+            diff_step=strides,
+            ftol=COMPARE.least_gain,
+            max_nfev=COMPARE.most_simulations,
         )
         return best
 
@@ -156,7 +142,7 @@ class Segment:
         """The plant with the disturbance that makes up for what it leaves at the hidden frequency."""
         assert self.hidden is not None  # noqa: S101 - without it there is none
         whole = {
-            f"{SHAKES}.cosine": min(plain.omega_n * self.omega, STRONGEST_DISTURBANCE),
+            f"{SHAKES}.cosine": min(plain.omega_n * self.omega, COMPARE.strongest_disturbance),
             f"{SHAKES}.sine": 0.0,
         }
         whole[f"{SHAKES}.omega"] = self.hidden
@@ -179,7 +165,13 @@ class Segment:
         return found
 
     def _answer(
-        self, omega_n: float, zeta: float, sizes: Values, rest: float = REST_IN_GAP, *, moves: bool = False
+        self,
+        omega_n: float,
+        zeta: float,
+        sizes: Values,
+        rest: float = COMPARE.rest_in_gap,
+        *,
+        moves: bool = False,
     ) -> Array:
         """Of a plant from rest at a place in its gap, shape (n,): its position, or what the sensor has."""
         start = np.zeros((1, STATES))
@@ -204,19 +196,19 @@ class Segment:
         """Of shares of the limit cycle of Eq. 1, cause by cause in the order of the signal's way."""
         sizes: Values = {}
         cycle = Cycle(
-            self.omega, half, omega_n / (2.0 * zeta), lambda known: self._swing(omega_n, zeta, known)
+            self.omega, half, omega_n / (2.0 * zeta), lambda known: self._peak_to_peak(omega_n, zeta, known)
         )
         for name in sorted({place.split(".")[0] for place in shares}, key=list(CAUSES).index):
             sizes |= sized_by_shares(name, shares, sizes, cycle)
         return sizes
 
-    def _swing(self, omega_n: float, zeta: float, sizes: Values) -> float:
+    def _peak_to_peak(self, omega_n: float, zeta: float, sizes: Values) -> float:
         """From end to end of the load, with these sizes."""
         at = (omega_n, zeta, *sizes.values())
-        if at not in self._swings:
+        if at not in self._oscillations:
             moved = self._answer(omega_n, zeta, sizes, moves=True)
-            self._swings[at] = float(np.median([np.ptp(own) for own in self._abouts(moved)]))
-        return self._swings[at]
+            self._oscillations[at] = float(np.median([np.ptp(own) for own in self._abouts(moved)]))
+        return self._oscillations[at]
 
     def _compared(self, answer: Array, plain: GridPlant, delays: Sequence[float]) -> list[GridPlant]:
         """The plant with each delay: what is left of each part at the gain that fits best."""

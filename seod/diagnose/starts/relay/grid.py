@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,29 +23,12 @@ from seod.diagnose.causes.table import CAUSES, RAMPED, SETTLED, grid_shares, ram
 from seod.diagnose.record.command_period import relay_period_s
 from seod.diagnose.starts.relay.compare import Segment
 from seod.diagnose.starts.relay.plant import GridPlant
+from seod.diagnose.tuning.starts import GRID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from seod.diagnose.record.windows import Cut
-
-FREQUENCIES: Final = (*np.geomspace(0.8, 5.0, 14).tolist(), 7.0, 10.0)
-"""omega_n over the limit cycle's frequency."""
-FREQUENCIES_DISTURBED: Final = tuple(np.geomspace(0.4, 5.0, 18).tolist())
-"""omega_n over the limit cycle's frequency; of a plant that a disturbance shakes."""
-DAMPINGS: Final = (0.05, 0.15, 0.3, 0.6, 1.2, 4.0)
-FREQUENCIES_RAMPED: Final = tuple(np.geomspace(0.4, 8.0, 16).tolist())
-"""omega_n over the limit cycle's frequency; of a plant behind a slow valve, which makes the cycle slow."""
-OTHER_RAMP: Final = 0.2
-KEPT_RAMPS: Final = 3
-"""Logarithm of their ramps' times by which such plants differ, at least, and how many are kept."""
-GROWTH_COMPARED_WITHIN: Final = 3.0
-"""Mean log error over the least, up to which a plant goes on with how the limit cycle grew."""
-KEPT_PROMPT: Final = 4
-KEPT_LATE: Final = 2
-"""Cells that are kept, of different damping: without a delay, and with one."""
-SETTLED_RICHER: Final = 2
-"""Plants with a plain form that settle with each richer one that acts beside it."""
 
 
 def grid_plants(cut: Cut) -> tuple[GridPlant, ...]:
@@ -58,16 +41,16 @@ def grid_plants(cut: Cut) -> tuple[GridPlant, ...]:
     if not grid.parts:
         return ()
     kinds: dict[frozenset[str], list[GridPlant]] = {}
-    for at in product(FREQUENCIES, DAMPINGS, tuple(grid_shares())):
+    for at in product(GRID.frequencies, GRID.dampings, tuple(grid_shares())):
         for plant in grid.plants(*at):
             kinds.setdefault(plant.causes, []).append(plant)
     for own in kinds.values():
         found += [grid.settled(plant) for plant in _kept(own)]
     for rich in SETTLED:
-        plain = [plant for plant in found if plant.causes == {CAUSES[rich].beside} and plant.delay == 0.0]
+        plain = [plant for plant in found if plant.causes == {CAUSES[rich].needs} and plant.delay == 0.0]
         plain.sort(key=lambda plant: plant.cost)
-        found += [grid.settled(plant.enriched(rich)) for plant in plain[:SETTLED_RICHER]]
-    near = min((plant.cost for plant in found), default=0.0) + GROWTH_COMPARED_WITHIN
+        found += [grid.settled(plant.enriched(rich)) for plant in plain[: GRID.settled_richer]]
+    near = min((plant.cost for plant in found), default=0.0) + GRID.growth_compared_within
     found += [grown.settled(plant) for plant in found if plant.cost < near]
     return (*found, *_disturbed(cut), *_ramped(cut))
 
@@ -75,18 +58,20 @@ def grid_plants(cut: Cut) -> tuple[GridPlant, ...]:
 def _ramped(cut: Cut) -> list[GridPlant]:
     """Likewise plants with ramps of different time in the place of the relay's switches."""
     grid = Segment(cut, ramped=True)
-    every = (plant for at in product(FREQUENCIES_RAMPED, DAMPINGS) for plant in grid.plants(*at, {}))
+    every = (
+        plant for at in product(GRID.frequencies_ramped, GRID.dampings) for plant in grid.plants(*at, {})
+    )
     first: dict[float, GridPlant] = {}
     for plant in sorted((one for one in every if one.delay > 0.0), key=lambda one: one.cost):
         first.setdefault(plant.delay, plant)
     kept: list[GridPlant] = []
     for plant in sorted((grid.settled(plant) for plant in first.values()), key=lambda one: one.cost):
-        if all(abs(math.log(plant.delay / one.delay)) > OTHER_RAMP for one in kept):
+        if all(abs(math.log(plant.delay / one.delay)) > GRID.other_ramp for one in kept):
             kept.append(plant)
-    height = max(float(np.ptp(one.u)) for one in cut.series)
+    height = max(float(np.ptp(recording.u)) for recording in cut.series)
     return [
         plant._replace(delay=0.0, sizes=ramped_by(name, plant.delay, height))
-        for plant in kept[:KEPT_RAMPS]
+        for plant in kept[: GRID.kept_ramps]
         for name in RAMPED
     ]
 
@@ -98,14 +83,16 @@ def _disturbed(cut: Cut) -> list[GridPlant]:
     if period is None:
         return []
     grid = Segment(cut, 2.0 * math.pi / period)
-    every = [plant for at in product(FREQUENCIES_DISTURBED, DAMPINGS) for plant in grid.plants(*at, {})]
+    every = [
+        plant for at in product(GRID.frequencies_disturbed, GRID.dampings) for plant in grid.plants(*at, {})
+    ]
     kept = [grid.settled(plant) for plant in _kept(every) if math.isfinite(plant.cost)]
     return [grid.shaken(plant) for plant in kept]
 
 
 def _kept(some: Sequence[GridPlant]) -> list[GridPlant]:
-    prompt = _best(plant for plant in some if plant.delay == 0.0)[:KEPT_PROMPT]
-    return prompt + _best(plant for plant in some if plant.delay > 0.0)[:KEPT_LATE]
+    prompt = _best(plant for plant in some if plant.delay == 0.0)[: GRID.kept_prompt]
+    return prompt + _best(plant for plant in some if plant.delay > 0.0)[: GRID.kept_late]
 
 
 def _best(some: Iterable[GridPlant]) -> list[GridPlant]:

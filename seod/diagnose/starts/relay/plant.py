@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.causes.table import CAUSES, DELAYS, IN_GRID, SETTLED, grid_of, settled_from
+from seod.diagnose.tuning.starts import PLANT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from seod.diagnose.causes.scales import Values
-
-SLIGHT_DELAY: Final = 0.05
-"""Delay over the time of a radian of omega_n, up to which a plant may stand for one without."""
 
 
 class GridPlant(NamedTuple):
@@ -40,7 +38,7 @@ class GridPlant(NamedTuple):
         late, own = not DELAYS.isdisjoint(names), self.causes
         return (
             own.intersection(IN_GRID) == set(names).intersection(IN_GRID)
-            and (late or self.delay * self.omega_n < SLIGHT_DELAY)
+            and (late or self.delay * self.omega_n < PLANT.slight_delay)
             and (not late or self.delay > 0.0)
             and own.difference(IN_GRID) <= set(names)
         )
@@ -50,7 +48,7 @@ class GridPlant(NamedTuple):
         own = {"K_L": self.K_L, "omega_n": self.omega_n, "zeta": self.zeta}
         own |= self.sizes
         for rich in SETTLED:
-            if self.causes == {CAUSES[rich].beside}:
+            if self.causes == {CAUSES[rich].needs}:
                 own |= settled_from(rich, self.sizes, self.half)
         return own | {f"{name}.time": self.delay for name in DELAYS if self.delay > 0.0}
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
+from seod.diagnose.tuning.account import SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,11 +19,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array, Mask
-
-CHANCE: Final = 0.002
-"""Probability with which chance alone passes for something systematic; three ways are asked."""
-PIECES: Final = 24
-"""Parts of all windows whose squared errors are compared, if they are long enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +43,7 @@ class Plant:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class WindowResidual:
     """What is left of one window; arrays of shape (n,).
 
     Attributes:
@@ -73,7 +69,7 @@ class Left:
     held_out: bool
 
 
-def left_of(held: HeldOut, *, held_out: bool) -> list[Left]:
+def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
     """Of each window that a model has simulated; windows without a row that counts are left out."""
     out, error, scored = [], held.error, held.scored & held.sure
     for (k, first, last), rows in zip(held.cut.windows, held.cut.slices, strict=True):
@@ -82,7 +78,7 @@ def left_of(held: HeldOut, *, held_out: bool) -> list[Left]:
             t, u = one.t[first:last], one.u[first:last]
             pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
             some = pressure, velocity, position
-            out.append(Left(k, t, u, error[rows], scored[rows], *some, held_out))
+            out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
     return out
 
 
@@ -108,7 +104,7 @@ class Share:
         return self.square > 0.0 and self.score > self.limit
 
 
-def mean_square(parts: Sequence[Left]) -> float:
+def mean_square(parts: Sequence[WindowResidual]) -> float:
     """Of all rows that count."""
     kept = [one.error[one.scored] for one in parts]
     return sum(float(each @ each) for each in kept) / sum(len(each) for each in kept)
@@ -133,4 +129,6 @@ def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[M
     root = math.sqrt(len(saved))
     sd = root * float(np.std(saved, ddof=1)) / rows
     score = root * float(np.mean(logs)) / max(float(np.std(logs, ddof=1)), 1e-300)
-    return Share(float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - CHANCE, len(saved) - 1)))
+    return Share(
+        float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - SYSTEMATIC.chance, len(saved) - 1))
+    )

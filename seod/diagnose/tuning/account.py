@@ -1,0 +1,121 @@
+"""Numbers by which residuals are judged: what is systematic, and what repeats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """Shares of the baseline's error."""
+
+    lost: float = 1e3
+    """[-] NRMSE from which on a model has run away: of its residual nothing can be said. Chosen."""
+
+
+ACCOUNT: Final = Account()
+
+
+@dataclass(frozen=True, slots=True)
+class BlackBox:
+    """Functions of the states that may explain a residual."""
+
+    ridges: tuple[float, ...] = (1e-6, 1e-4, 1e-2, 1.0)
+    """[-] Penalties that are tried, over the mean square of a column. Chosen."""
+    correlations: float = 2.0
+    """[-] Correlation times in such a part, at least: shorter ones would not be independent. Chosen."""
+    sharp: float = 0.05
+    """[-] Part of the largest speed or command at which its sign is taken for a step. Chosen."""
+    waves: int = 4
+    """[-] Half waves over the travel. Chosen."""
+    hinges: tuple[float, ...] = (0.25, 0.5, 0.75)
+    """[-] Parts of the largest command, and pressure, from which on a further slope is tried. Chosen."""
+    lags: tuple[float, ...] = (0.5, 1.0, 2.0)
+    """[rad] Earlier commands, times omega_n. Chosen."""
+
+
+BLACK_BOX: Final = BlackBox()
+
+
+@dataclass(frozen=True, slots=True)
+class Grade:
+    """What a model is good for."""
+
+    design_error: float = 0.05
+    """[-] Held-out NRMSE up to which a controller can be designed by a model. Chosen: as a loop gain off
+    by 5 %."""
+    design_systematic: float = 0.02
+    """[-] Of it systematic, at most: what a controller would meet each time. Chosen."""
+    as_good: float = 0.95
+    """[-] NRMSE of ARX or NARX, over the model's, down to which they are no better. Chosen."""
+
+
+GRADE: Final = Grade()
+
+
+@dataclass(frozen=True, slots=True)
+class Systematic:
+    """Whether a residual is systematic."""
+
+    chance: float = 0.002
+    """[-] Probability with which chance alone passes for something systematic; three ways are asked.
+    Chosen."""
+    segments: int = 24
+    """[segments] Of all windows whose squared errors are compared, if they are long enough. Chosen."""
+
+
+SYSTEMATIC: Final = Systematic()
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseColour:
+    """A residual's memory."""
+
+    longest: int = 8
+    """[rows] Order, at most. Chosen."""
+    enough: float = 2.0
+    """[-] Log likelihood by which a longer memory has to be better. Chosen."""
+    rows_each: int = 20
+    """[rows] For each coefficient, at least. Chosen."""
+
+
+NOISE_COLOUR: Final = NoiseColour()
+
+
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """What repeats from period to period."""
+
+    most_bins: int = 512
+    """[bins] Of a period. Chosen."""
+    fewest_bins: int = 8
+    """[bins] Likewise. Chosen."""
+    fewest_windows: int = 3
+    """[windows] That are compared with each other, at least. Chosen."""
+    fewest_rows: int = 8
+    """[rows] Of a window, for a parabola to be taken off. Chosen."""
+
+
+REPEATS: Final = Repeats()
+
+
+@dataclass(frozen=True, slots=True)
+class Yardstick:
+    """ARX and NARX beside the model."""
+
+    orders: tuple[int, ...] = (2, 3, 4)
+    """[-] Of the ARX: Eq. 1 has two or three, a lag or a delay adds one. Chosen."""
+    rates: tuple[float, ...] = (16.0, 48.0, 144.0)
+    """[rows] In a dominant period. Chosen."""
+    ridges: tuple[float, ...] = (1e-6, 1e-3, 0.1)
+    """[-] Penalties of the NARX that are tried, over the mean square of a column. Chosen."""
+    fewest: int = 8
+    """[rows] Of a window, for it to be simulated. Chosen."""
+    sharp: float = 0.05
+    """[-] Part of the largest change at which its sign is taken for a step. Chosen."""
+    gone_beyond: float = 10.0
+    """[ranges] Of the record beyond which a simulation has run away. Chosen."""
+
+
+YARDSTICK: Final = Yardstick()

@@ -1,0 +1,172 @@
+"""Numbers by which models are simulated and fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class BacklashJumps:
+    """Jumps of a speed where a gap closes."""
+
+    longest: float = 20.0
+    """[rows] Of a ramp in place of a jump. Chosen."""
+
+
+BACKLASH_JUMPS: Final = BacklashJumps()
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRun:
+    """The last fit, in one run over the whole recording."""
+
+    longer: float = 4.0
+    """[-] Factor from one length of windows to the next: a fit to the next begins near enough. Chosen."""
+    least_gain: float = 0.05
+    """[-] Part by which the error in one run has to fall, of rows that no fit saw: less is chance.
+    Chosen."""
+
+
+FREE_RUN: Final = FreeRun()
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Errors of windows held out."""
+
+    adequate: float = 1.15
+    """[-] Held-out squared error over the noise's, up to which nothing remains: the noise is known to
+    some percent, and initial states fitted to a fifth of a window add theirs. Chosen."""
+    diverged: float = 10.0
+    """[ranges] Of the recording, beyond which a simulation has run away. Chosen."""
+
+
+HELD_OUT: Final = HeldOut()
+
+
+@dataclass(frozen=True, slots=True)
+class InitialStates:
+    """States with which windows begin."""
+
+    alike_windows: float = 4.0
+    """[-] Squared error of a window, over the least of all, up to which another window may take its
+    states. Chosen."""
+    sign_lost: float = 0.5
+    """[-] Part of a sensor's rectifying from which on readings below 0 are shown above it. Chosen."""
+    places_in_gap: tuple[float, ...] = (0.5, 0.0, 1.0)
+    """[-] In a gap where the load may have been at rest, over it: the middle and both flanks. Chosen."""
+
+
+INITIAL_STATES: Final = InitialStates()
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Steps of a fit."""
+
+    most_steps: int = 15
+    """[steps] Of a fit. Chosen: a delay takes 13 to 19, and is fitted more than once."""
+    derivative_step: float = 1e-3
+    """[-] Change of a searched number by which derivatives are taken. Chosen."""
+    largest_log_step: float = 1.0
+    """[-] Change of a logarithm in one step, at most. Chosen."""
+    largest_linear_step: float = 30.0
+    """[-] Change of another searched number in one step, at most, in units of its scale. Chosen."""
+    noise_alone: float = 1.03
+    """[-] Squared error over the noise's, up to which nothing else remains: the noise is known to some
+    percent. Chosen."""
+    least_improvement: float = 1e-4
+    """[-] Of the mean log error, below which a fit has ended. Chosen."""
+    state_step_part: float = 0.05
+    """[-] Change of a state by which derivatives are taken, over its range, at most. Chosen."""
+    state_part: float = 0.3
+    """[-] Of a step of a window's initial state, where all of it is too far. Chosen."""
+    settling_steps: int = 2
+    """[steps] Of the initial states alone, where a step of the numbers is too far. Chosen."""
+    dampings_tried: int = 4
+    """[-] Of one step, until it improves. Chosen."""
+    ahead: float = 0.1
+    """[-] Part of a step at which the second derivative along it is taken. Chosen."""
+    bend: float = 0.5
+    """[-] Largest correction by it, over the step. Chosen."""
+
+
+FIT: Final = Fit()
+
+
+@dataclass(frozen=True, slots=True)
+class Substeps:
+    """How finely a model is simulated."""
+
+    search_accuracy: float = 0.3
+    """[-] Substep times the fastest rate in a search. Measured: readings then differ by some 1e-4 of the
+    movement at most."""
+    shortest: float = 0.03
+    """[-] Substeps that an orifice asks for, over the longest: a search need not come nearer to its
+    limit. Chosen."""
+    quick_pole: float = 1.0
+    """[-] Pole over the sampling rate above which it decays within a tick and need not be followed.
+    Chosen."""
+    stable: float = 1.5
+    """[-] Substep times such a pole: as far as the method is stable. Chosen."""
+
+
+SUBSTEPS: Final = Substeps()
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """Limits of a simulated reading."""
+
+    gone_beyond: float = 1e3
+    """[-] Largest reading of a recording, times which a simulation has run away. Chosen."""
+
+
+SIMULATION: Final = Simulation()
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Intervals and p-values."""
+
+    fewest_segments: int = 24
+    """[segments] Of the held-out windows that are compared. Chosen."""
+    near_limit: float = 1e-6
+    """[-] Part of a searched number's range at whose ends it counts as being there. Chosen."""
+    derivative_step: float = 1e-4
+    """[-] Change of a searched number by which its interval's derivatives are taken. Chosen."""
+
+
+UNCERTAINTY: Final = Uncertainty()
+
+
+@dataclass(frozen=True, slots=True)
+class WindowHalves:
+    """Whether windows to fit and windows held out show the same."""
+
+    shows_more: float = 2.0
+    """[-] Squared error over the noise's from which on windows show something that the model does not.
+    Measured: of 59 records with a right answer the worst fitted window had 1.29."""
+    finer_cuts: tuple[float, ...] = (1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+    """[-] Windows over the usual number of them. Chosen."""
+
+
+WINDOW_HALVES: Final = WindowHalves()
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What simulating costs, in time of a usual machine."""
+
+    step_ns: int = 40
+    """[ns] A Runge-Kutta step of the kernel. Measured: this and the two below are least squares of
+    processor times of four diagnoses of 60 s at 2 kHz and one of 10 s, which they give to 5 %
+    (`bench/diagnose.py`)."""
+    row_ns: int = 55
+    """[ns] A row's residual, and its part of derivatives and normal equations. Measured: as `step_ns`."""
+    simulation_ns: int = 100_000
+    """[ns] A simulation's beginning and end, and Python around it. Measured: as `step_ns`."""
+
+
+WORK: Final = Work()

@@ -1,0 +1,337 @@
+"""Numbers by which recordings are read: noise, steps, windows, and defects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Blocks of a long recording in which causes are searched."""
+
+    searched_rows: int = 120_000
+    """[rows] Of all recordings, in which causes are searched: a minute at 2 kHz. Chosen: so that `normal`
+    ends within 30 s."""
+
+
+BLOCKS: Final = Blocks()
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedForm:
+    """Eq. 1 in closed form, which tells a position from a speed."""
+
+    clearly: float = 0.6
+    """[-] NRMSE of the other type over that of the usual one, below which y is taken for the other.
+    Chosen."""
+    samples: int = 6000
+    """[rows] Of a recording, to which it is fitted. Chosen: quick, and more than any plant's answer
+    needs."""
+
+
+CLOSED_FORM: Final = ClosedForm()
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseSensor:
+    """A sensor whose step is seen."""
+
+    white_above: float = 0.2
+    """[steps] Noise, from which on rounding is as good as white noise. Chosen."""
+    passed_between: float = 0.5
+    """[steps] From one reading to the next in the mean, from which on it likewise is, where readings are
+    held. Chosen."""
+    least_noise: float = 0.02
+    """[steps] Noise with which a fit reckons, at least. Chosen."""
+    most_noise: float = 0.1
+    """[steps] Noise that may be: a residual as large is not called unexplained. Chosen."""
+    noise_margin: float = 1.3
+    """[-] Over the noise that changes of readings show: of a fast movement they show too little. Chosen."""
+    there_and_back: float = 0.1
+    """[-] Of the mean time between two steps: a change and its contrary within it are noise, no movement.
+    Chosen."""
+
+
+COARSE: Final = CoarseSensor()
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Columns that look like mistakes."""
+
+    slowest_hz: float = 5.0
+    """[Hz] Rate below which times are more likely milliseconds than seconds. Chosen: no rig is sampled
+    slower."""
+    same_signal: float = 0.99999
+    """[-] Correlation of two columns that are one signal. Chosen."""
+    unit_tolerance: float = 0.15
+    """[-] Logarithm by which a ratio may miss the unit's. Chosen."""
+
+
+COLUMNS: Final = Columns()
+
+
+@dataclass(frozen=True, slots=True)
+class CommandPeriod:
+    """The period with which a command repeats."""
+
+    repeats_alike: float = 0.9
+    """[-] Correlation of the command with itself a period later. Chosen."""
+    harmonics: int = 6
+    """[-] Of the command, with which a disturbance can be in step; above it is hardly an answer. Chosen."""
+    shortest_s: float = 1.0
+    """[s] Period that is searched for: a faster limit cycle wanders, and does not look like a slow
+    disturbance. Chosen."""
+    irregular: float = 0.05
+    """[-] How far a relay's periods are from their median, where it has a frequency. Chosen."""
+    mostly_regular: float = 0.9
+    """[-] Part of them that are as near. Chosen."""
+    regular_cycles: int = 10
+    """[periods] Without which a relay has no frequency. Chosen."""
+    grid_rows: int = 1 << 14
+    """[rows] Even rows on which the command is compared with itself. Chosen: a power of two."""
+    reach: int = 4
+    """[rows] Either way, and how many times as many periods later, of the next look for the same period.
+    Chosen."""
+
+
+PERIOD: Final = CommandPeriod()
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonPart:
+    """A part of a daemon's recording in one mode."""
+
+    least_s: float = 3.0
+    """[s] Of a part that is diagnosed alone. Chosen."""
+
+
+DAEMON_PART: Final = DaemonPart()
+
+
+@dataclass(frozen=True, slots=True)
+class Defects:
+    """Defects of the record that samples show."""
+
+    fewest_samples: int = 50
+    """[rows] Without which nothing is looked for. Chosen."""
+    unmentioned_gaps: float = 5e-4
+    """[-] Part of the samples that may be missing without a word. Chosen."""
+    mostly_noise: float = 0.5
+    """[-] Part of y's deviation from which on its samples' errors are all there is. Chosen."""
+    absurd: float = 1e9
+    """[-] Times the spread of nearly all readings beyond which one is none: its square may not be a
+    number. Chosen."""
+    contradicted: float = 0.85
+    """[-] Mean squared error of a simulation over what late samples would have, below which they are
+    none. Chosen."""
+    reads_alike: float = 5.0
+    """[sd] Of the noise, within which a simulation reads what a sample does. Chosen."""
+    clipped_readings: int = 4
+    """[rows] In a row that stand at the end of the range. Chosen."""
+
+
+DEFECTS: Final = Defects()
+
+
+@dataclass(frozen=True, slots=True)
+class FourthDifferences:
+    """Differences of five samples in a row."""
+
+    too_wide: float = 6.0
+    """[intervals] That five samples without a gap span at most (4 of them). Chosen."""
+
+
+FOURTH_DIFFERENCES: Final = FourthDifferences()
+
+
+@dataclass(frozen=True, slots=True)
+class HeldReadings:
+    """A sensor's own clock, slower than the rows."""
+
+    fewest_readings: int = 40
+    """[readings] New ones without which no clock is looked for. Chosen."""
+    least_held: float = 1.2
+    """[rows] For each reading, at least, in the median or the mean: with fewer nothing is lost. Chosen."""
+    on_clock: float = 0.95
+    """[-] Part of the new readings that come in the first row after a tick of the clock, at least.
+    Chosen."""
+    lone_readings: float = 0.5
+    """[-] Part of the clock's ticks that bring a new reading, at least: a load at rest has none. Chosen."""
+    single_counts: float = 0.9
+    """[-] Part of the changes that are of one size, from which on they are a coarse sensor's counts.
+    Chosen."""
+    same_row: float = 1e-6
+    """[rows] By which a reading may seem to come too early: rounding of times. Chosen."""
+    rounds: int = 6
+    """[-] Of fitting the clock: each one settles the numbers of ticks farther on. Chosen."""
+
+
+HELD_READINGS: Final = HeldReadings()
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """The noise that differences of readings show."""
+
+    as_low_as_least: float = 1.03
+    """[-] Orders of differences whose estimates are within this factor of the least are equally good.
+    Chosen."""
+    event_beyond: float = 5.0
+    """[sd] Beyond which a difference is an event, not noise. Chosen."""
+    fewest: int = 50
+    """[differences] Without which an order tells nothing. Chosen."""
+
+
+NOISE: Final = Noise()
+
+
+@dataclass(frozen=True, slots=True)
+class Outliers:
+    """Single samples far off."""
+
+    beyond: float = 9.0
+    """[sd] Of the noise, from which on a sample is none of the rest; its estimate has 1.4 of them itself.
+    Chosen."""
+    likeness: float = 0.9
+    """[-] Part of five neighbouring differences' squares that the pattern explains; a corner of the
+    signal has less. Chosen."""
+    most: float = 0.1
+    """[-] Part of the samples; where more seem to be, it is the signal. Chosen."""
+    corner: float = 1.5
+    """[-] Turn of the signal's slope across a sample, over its error: one that is off makes none, a
+    corner three. Chosen."""
+    fewest: int = 3
+    """[rows] That are called outliers: fewer are chance. Chosen."""
+
+
+OUTLIERS: Final = Outliers()
+
+
+@dataclass(frozen=True, slots=True)
+class SensorStep:
+    """The step of a coarse sensor."""
+
+    fewest_levels: int = 3
+    """[levels] Of readings without which there is no step to look for. Chosen."""
+    histogram_bins: int = 1 << 17
+    """[bins] Of the histogram whose spectrum tells the circular mean for all steps at once. Chosen: a
+    power of two."""
+    gathered: float = 0.5
+    """[-] Circular mean of readings that lie on a lattice. Measured: noise of a fifth of a step leaves
+    0.45."""
+    contrast: float = 0.35
+    """[-] By which it stands out among steps of nearly the same size: readings at rest gather for all of
+    them. Chosen."""
+    exact: float = 1e-3
+    """[steps] By which readings of whole counts may be off. Chosen."""
+    beside: float = 1.5
+    """[sd] Of the noise, that readings are beside whole counts at most; its estimate is right to some
+    percent. Chosen."""
+    within_noise: float = 1.5
+    """[sd] Steps of fewer say nothing that could be seen. Chosen."""
+
+
+STEP: Final = SensorStep()
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Rows of a recording as they are simulated."""
+
+    steps_between: int = 4
+    """[steps] That stand for a straight line between two commands. Measured: of ten commands a wave 0.2 %
+    are wrong."""
+    window_periods: int = 10
+    """[periods] Dominant ones of a window. The contract's."""
+    shortest_window_s: float = 1.0
+    """[s] Of a window. The contract's."""
+    fewest_windows: int = 4
+    """[windows] Of a recording: two to fit, two held out. Chosen."""
+    relay_levels: int = 4
+    """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
+    least_samples: int = 200
+    """[rows] Of a recording. Chosen."""
+    finest: int = 1 << 15
+    """[rows] Of the spectrum that shows the dominant period, an eighth of the most. Chosen: a power of
+    two."""
+
+
+SERIES: Final = Series()
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A command whose frequency or size goes one way with time."""
+
+    parts: int = 8
+    """[-] Of a recording, that are compared. Chosen."""
+    alike: float = 0.9
+    """[-] Rank correlation with time from which on a command sweeps. Chosen: of 8 parts by chance one in
+    300."""
+    at_rest: float = 0.1
+    """[-] Part of the largest size up to which the command rests. Chosen."""
+    rests: int = 2
+    """[parts] That may rest: before and after. Chosen."""
+    changes: float = 2.0
+    """[-] Largest frequency or size over the least, at least. Chosen."""
+
+
+SWEEP: Final = Sweep()
+
+
+@dataclass(frozen=True, slots=True)
+class TimingJitter:
+    """Times of samples that are wrong."""
+
+    significant: float = 6.0
+    """[sd] By which the error must grow with the slope. Chosen."""
+    least_share: float = 0.3
+    """[-] Of the samples' mean squared error that must come from it: less is nobody's trouble. Chosen."""
+    fewest_differences: int = 200
+    """[differences] Without which nothing is looked for. Chosen."""
+    median_growth: float = 0.6
+    """[-] Part of the growth that the medians must show too. Chosen."""
+    alternating: float = -0.65
+    """[-] Correlation of neighbouring differences, at most. Chosen."""
+    events: float = 25.0
+    """[-] Squared differences over the expected ones beyond which they are corners of the signal. Chosen."""
+    rounds: int = 8
+    """[-] Of weighing squares by what was found. Chosen."""
+
+
+TIMING_JITTER: Final = TimingJitter()
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Windows that are fitted or held out, and segments of them."""
+
+    settling_part: float = 0.2
+    """[-] Of a held-out window, to which its initial state is fitted. The contract's."""
+    segment_s: float = 2.0
+    """[s] Longest segment of a window to fit, or a period; each begins from a state of its own. Chosen:
+    in shorter ones initial states make up for friction and load."""
+    least_samples: int = 50
+    """[rows] Of a window. Chosen."""
+    least_segment_rows: int = 10
+    """[rows] Of a segment: where a recording pauses, few rows last long. Chosen."""
+    skipped_s: float = 0.1
+    """[s] Of a recording's start: the commands before it, which delay and lag still show, are unknown.
+    Chosen."""
+    at_edge: float = 1e-3
+    """[intervals] A row so near before an edge is at it, however its time was rounded. Chosen."""
+    moving_above_noise: float = 3.0
+    """[-] Deviation over the noise from which on a window shows a movement; the others show nothing of
+    the plant. Chosen."""
+    samples_a_period: int = 50
+    """[rows] Of a limit cycle by which it is tried what it may come from. Chosen: more where these do not
+    distinguish causes."""
+    mostly: float = 0.9
+    """[-] Part of the samples that others have to predict. Chosen."""
+    between: float = 3.0
+    """[-] Error with which they do, over the noise: both have some. Chosen."""
+
+
+WINDOWS: Final = Windows()

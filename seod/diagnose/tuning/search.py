@@ -1,0 +1,184 @@
+"""Numbers by which causes are searched and chosen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """Sets that are grown, one effect at a time."""
+
+    width: int = 3
+    """[sets] That are kept. Chosen."""
+    second_plants: int = 2
+    """[-] Second plants of them that are kept too. Chosen."""
+    most_effects: int = 4
+    """[effects] In a set. Chosen."""
+    least_gain: float = 0.02
+    """[-] Mean log squared error that an effect must save. Measured: on clean recordings the best saves
+    some 0.002."""
+    least_gain_coarse: float = 1.0
+    """[-] The same of a coarse sensor, whose noise is not known. Chosen."""
+    as_well_part: float = 0.2
+    """[-] Part of what an effect must save, up to which another set explains the recordings as well.
+    Chosen."""
+    richer_gain: float = 0.2
+    """[-] Mean log squared error that a richer form of friction must save to be grown in place of the
+    plain one. Chosen."""
+
+
+BEAM: Final = Beam()
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """How much a search may simulate."""
+
+    search_s: float = 15.0
+    """[s] Work after which no further cause is tried, of a long recording; fits of the best follow.
+    Chosen: so that `normal` ends within 30 s for 60 s at 2 kHz on two idle cores."""
+    further_s: float = 15.0
+    """[s] The same that a short one may use beyond: what follows takes less. Chosen."""
+    long_rows: int = 120_000
+    """[rows] Of a long recording: a minute at 2 kHz. Chosen."""
+    quick: float = 0.25
+    """[-] Of that work at `--effort quick`. Chosen."""
+    normal: float = 1.0
+    """[-] At `normal`. Chosen."""
+    thorough: float = math.inf
+    """[-] At `thorough`: no end but the search's own. Chosen."""
+    safety_s: float = 600.0
+    """[s] By the clock, after which a search of limited effort ends in any case. Chosen: twenty times the
+    usual."""
+    trial_part: float = 0.04
+    """[-] Part of it that a single trial may use: some wander off to plants that are slow to simulate.
+    Chosen."""
+    last_fit_part: float = 0.12
+    """[-] Likewise of a fit to all windows that follows the search. Chosen."""
+    looking_part: float = 0.65
+    """[-] Likewise of a look at many sets. Chosen."""
+
+
+BUDGET: Final = Budget()
+
+
+@dataclass(frozen=True, slots=True)
+class FinalChoice:
+    """Which set is the answer."""
+
+    finalists: int = 3
+    """[sets] That are fitted to all windows. Chosen."""
+    of_size: int = 2
+    """[sets] Of each size that are fitted to whole recordings, where none comes down to the noise.
+    Chosen."""
+    misfit_gain: float = 0.2
+    """[-] What an effect must save there, where any effect takes up a little of what is wrong. Chosen."""
+
+
+FINAL_CHOICE: Final = FinalChoice()
+
+
+@dataclass(frozen=True, slots=True)
+class Prune:
+    """Effects that leave the set again."""
+
+    least_share: float = 5e-4
+    """[-] Of the baseline's squared error above the noise that has to come back without an effect: less
+    is 0 %. Chosen."""
+
+
+PRUNE: Final = Prune()
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """All causes of all parents, tried in stages."""
+
+    glances_part: float = 0.6
+    """[-] Of the work that is available when a race begins, what its glances may use. Chosen."""
+    glanced_together: int = 8
+    """[-] Glances between two looks at the budget: enough for all cores, few enough to end in time.
+    Chosen."""
+    first_tried: int = 12
+    """[starts] Whose promise is believed before others are tried. Chosen."""
+    glance_steps: int = 2
+    """[steps] From every start. Chosen."""
+    remote_steps: int = 12
+    """[steps] From one whose K_L and zeta are far from the baseline's. Chosen."""
+    glance_part: float = 0.015
+    """[-] Of the search's work that a glance or a look may use: some plants are slow to simulate. Chosen."""
+    look_steps: int = 3
+    """[steps] Further ones of the better causes. Chosen."""
+    whole_steps: int = 4
+    """[steps] Of the promising ones on all windows for trying. Chosen."""
+    last_steps: int = 12
+    """[steps] Further ones of the best. Chosen: twenty more gained little, and once a wrong set went
+    ahead."""
+    causes_looked_at: int = 9
+    """[causes] Of a parent that are looked at. Chosen."""
+    longest_wave: float = 1.02
+    """[-] Numbers of a wave over the travel, over the least, up to which the least has stopped it.
+    Chosen."""
+    causes_on_all: int = 5
+    """[causes] Of a parent that are fitted to all windows for trying. Chosen."""
+    finished_at_least: int = 4
+    """[sets] That are fitted to the end. Chosen."""
+    finished_within: float = 1.0
+    """[-] Others whose mean log error is that near the best are, too. Chosen."""
+
+
+RACE: Final = Race()
+
+
+@dataclass(frozen=True, slots=True)
+class Refine:
+    """Last fits of a set."""
+
+    steps_elsewhere: int = 8
+    """[steps] Of a fit from each other plant of the grid. Chosen."""
+    uneven_errors: float = 1.4
+    """[-] Squared error of a window over another's from which on they are not fitted alike. Chosen."""
+    fewest_samples: int = 50
+    """[rows] Of a segment whose other rows are held out: with fewer its initial state is all that they
+    show. Chosen."""
+    fine_steps: int = 40
+    """[steps] Of a fit along a bent valley. Chosen."""
+    fine_improvement: float = 1e-6
+    """[-] Of the mean log error, below which such a fit has settled. Chosen: there steps gain little and
+    lead far."""
+
+
+REFINE: Final = Refine()
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """Windows on which causes are tried."""
+
+    probed_s: float = 3.0
+    """[s] On which every start is tried. Chosen."""
+    outstanding_error: float = 4.0
+    """[-] Squared error in a window over the most in those, from which on it is one of them. Chosen."""
+    screened_s: float = 6.0
+    """[s] On which the better causes are fitted. Chosen."""
+
+
+SCREEN: Final = Screen()
+
+
+@dataclass(frozen=True, slots=True)
+class WholeRecordings:
+    """Sets that are fitted to whole recordings."""
+
+    fitted_causes: int = 3
+    """[causes] That are fitted, of those that promise most. Chosen."""
+    finished_causes: int = 2
+    """[causes] Of them, and of those from far, that are fitted to the end. Chosen."""
+    least_saving: float = 0.2
+    """[-] Mean log squared error that one more effect has to save. Chosen."""
+
+
+WHOLE_RECORDINGS: Final = WholeRecordings()

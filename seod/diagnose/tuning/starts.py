@@ -1,0 +1,217 @@
+"""Numbers by which fits begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """The grid from which Eq. 1 is fitted."""
+
+    dampings: tuple[float, ...] = (0.1, 0.4, 1.2, 5.0)
+    """[-] zeta. Chosen."""
+    frequencies: int = 14
+    """[-] Frequencies of it. Chosen."""
+    lowest_frequency: float = 0.3
+    """[-] Searched frequency over the dominant one, at least; half a period is in each window, too.
+    Chosen."""
+    kept_points: int = 3
+    """[points] Of the grid, from which the search goes on. Chosen."""
+    windows_s: float = 3.0
+    """[s] Of windows in which the grid is searched. Chosen."""
+    above_limit_cycle: float = 1.2
+    """[-] omega_n over the limit cycle's, which delay and backlash make slower. Chosen."""
+    limit_cycle_damping: float = 0.3
+    """[-] zeta of that plant. Chosen."""
+    slowest_plant: float = 2.0
+    """[rad/s] omega_n that is searched at least, while neither movement nor samples are slow. Chosen."""
+    slow_movement: float = 0.5
+    """[-] Dominant frequency over that, up to which a movement is slow; then `lowest_frequency` holds.
+    Chosen."""
+    slowest_ticks: float = 2e-3
+    """[rad] omega_n times the sampling interval, at most: at 1 kHz and above `slowest_plant` holds.
+    Chosen."""
+    short_segment_s: float = 0.25
+    """[s] Least length of the short segments. Chosen."""
+    short_segment_rows: int = 100
+    """[rows] Likewise. Chosen."""
+
+
+BASELINE: Final = Baseline()
+
+
+@dataclass(frozen=True, slots=True)
+class EffectStarts:
+    """Where effects begin."""
+
+    little_damped: float = 0.3
+    """[-] zeta below which a plant's own oscillation may be a disturbance. Chosen."""
+    other_plant: float = 0.3
+    """[-] Difference of the logarithm of omega_n or zeta from which on plants are others. Chosen: a
+    third."""
+
+
+EFFECT_STARTS: Final = EffectStarts()
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Lines of a residual's spectrum, where waves begin."""
+
+    tried: int = 3
+    """[-] Largest lines that are tried. Chosen."""
+    bins: int = 2048
+    """[bins] Of readings over the place. Chosen."""
+    finer: int = 4
+    """[-] Points of the spectrum over those of an unpadded one. Chosen."""
+
+
+LINES: Final = Lines()
+
+
+@dataclass(frozen=True, slots=True)
+class RelayCompare:
+    """How a plant of the relay's grid is compared, and steps from it."""
+
+    cycles_before: float = 12.0
+    """[periods] Limit cycles from rest until a plant is compared. Chosen."""
+    parts: int = 3
+    """[-] Of the recording in which it is. Chosen."""
+    cycles_a_part: float = 5.0
+    """[periods] Limit cycles in each. Chosen."""
+    fewest_samples: int = 20
+    """[rows] In each. Chosen."""
+    rest_in_gap: float = 0.5
+    """[-] Place in its gap where the load begins, from a flank, over the gap. Chosen."""
+    delays: tuple[float, ...] = (0.025, 0.05, 0.075, 0.1, 0.15)
+    """[periods] Delays, of the limit cycle. Chosen."""
+    ramps: tuple[float, ...] = tuple(np.geomspace(0.06, 0.48, 16).tolist())
+    """[periods] How long a valve's ramps last, of the limit cycle. Chosen."""
+    least_gain: float = 1e-3
+    """[-] Share of the squares that a step gains, at least. Chosen."""
+    derivative_step: float = 1e-3
+    """[-] Differences of derivatives. Chosen."""
+    most_simulations: int = 160
+    """[-] Of the steps from a plant. Chosen."""
+    not_simulated: float = 10.0
+    """[-] Error of a plant that cannot be simulated, over the recording. Chosen."""
+    ranges: tuple[tuple[float, ...], ...] = ((0.1, 30.0), (0.01, 20.0), (1e-3, 0.3))
+    """[-] Of omega_n over the limit cycle's frequency, zeta, and delay over its period. Chosen."""
+    longest_ramp: float = 0.5
+    """[periods] A ramp's length, at most, in the delay's place. Chosen."""
+    share_range: tuple[float, ...] = (0.01, 0.995)
+    """[-] Of shares. Chosen."""
+    strongest_disturbance: float = 1e5
+    """[unit/s^2] Acceleration by which a plant is tried, at most. Chosen."""
+
+
+COMPARE: Final = RelayCompare()
+
+
+@dataclass(frozen=True, slots=True)
+class RelayGrid:
+    """Plants that may make a relay's limit cycle."""
+
+    frequencies: tuple[float, ...] = (*np.geomspace(0.8, 5.0, 14).tolist(), 7.0, 10.0)
+    """[-] omega_n over the limit cycle's frequency. Chosen."""
+    frequencies_disturbed: tuple[float, ...] = tuple(np.geomspace(0.4, 5.0, 18).tolist())
+    """[-] The same of a plant that a disturbance shakes. Chosen."""
+    dampings: tuple[float, ...] = (0.05, 0.15, 0.3, 0.6, 1.2, 4.0)
+    """[-] zeta. Chosen."""
+    frequencies_ramped: tuple[float, ...] = tuple(np.geomspace(0.4, 8.0, 16).tolist())
+    """[-] The same of a plant behind a slow valve, which makes the cycle slow. Chosen."""
+    other_ramp: float = 0.2
+    """[-] Logarithm of their ramps' times by which such plants differ, at least. Chosen."""
+    kept_ramps: int = 3
+    """[plants] Of those, that are kept. Chosen."""
+    growth_compared_within: float = 3.0
+    """[-] Mean log error over the least, up to which a plant goes on with how the limit cycle grew.
+    Chosen."""
+    kept_prompt: int = 4
+    """[plants] Without a delay that are kept, of different damping. Chosen."""
+    kept_late: int = 2
+    """[plants] With one, likewise. Chosen."""
+    settled_richer: int = 2
+    """[plants] With a plain form that settle with each richer one that acts beside it. Chosen."""
+
+
+GRID: Final = RelayGrid()
+
+
+@dataclass(frozen=True, slots=True)
+class RelayPlant:
+    """A plant of the grid."""
+
+    slight_delay: float = 0.05
+    """[rad] Delay times omega_n, up to which a plant may stand for one without. Chosen."""
+
+
+PLANT: Final = RelayPlant()
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRoots:
+    """Plants from which the search begins."""
+
+    different_plant: float = 0.2
+    """[-] Part of a plant's residual by which another must differ there, to be a start of its own.
+    Chosen."""
+    overdamped_above: float = 2.0
+    """[-] zeta from which on one rate of a plant hardly shows. Chosen."""
+    less_damping: float = 1.5
+    """[-] zeta of a plant in its place. Chosen."""
+    far_from_noise: float = 3.0
+    """[-] Squared error of such a plant over the noise's. Chosen."""
+    hidden: float = 0.5
+    """[-] NRMSE with an offset and a delay over the baseline's, up to which they hid the plant. Chosen."""
+    as_good: float = 0.1
+    """[-] Further mean log error of the one in its place, at most. Chosen: a tenth."""
+
+
+SEARCH_ROOTS: Final = SearchRoots()
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Sizes of a movement, which make numbers without a unit."""
+
+    least: float = 1e-30
+    """[any] Of speed, pressure, travel and oscillation: of a load that stands still they are 0. Chosen."""
+    outliers_of_travel: float = 1e-3
+    """[-] Part of the samples at each end of the travel that do not count: outliers. Chosen."""
+
+
+SIZES: Final = Sizes()
+
+
+@dataclass(frozen=True, slots=True)
+class Unsigned:
+    """A sensor that reads without a sign."""
+
+    below: float = 5.0
+    """[sd] Of the noise, below the least reading that any may be; beside a part of y's range. Chosen."""
+    below_part: float = 0.05
+    """[-] That part. Chosen."""
+    near_zero: float = 0.1
+    """[-] Part of the range of y within which the least reading is, of a sensor that was at 0. Chosen."""
+    frequencies: int = 12
+    """[-] Frequencies of the grid, up to a tenth of the sampling rate. Chosen."""
+    dampings: tuple[float, ...] = (0.2, 0.7, 2.0, 6.0)
+    """[-] zeta of the grid. Chosen."""
+    places: int = 24
+    """[-] Gains of a position that are tried, over a decade about the one whose range is that of the
+    readings. Chosen."""
+    upright: float = 1.2
+    """[-] Squared error of a negative gain over that of a positive one, from which on it counts as less.
+    Chosen."""
+    kept: int = 2
+    """[plants] From which readings are given a sign. Chosen."""
+    signed_again: int = 3
+    """[-] Times that readings are given the sign of the plant that was fitted to them. Chosen."""
+
+
+UNSIGNED: Final = Unsigned()

@@ -1,0 +1,85 @@
+"""Numbers by which it is said what was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is said of the residual."""
+
+    outlier_beyond: float = 4.0
+    """[sd] Of the noise, beyond which a sample is an outlier, where there are any. Chosen."""
+    most_outliers: float = 0.03
+    """[-] Part of the samples that are. Chosen."""
+
+
+ANSWER: Final = Answer()
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentTrial:
+    """A next experiment, simulated."""
+
+    periods: float = 25.0
+    """[periods] Of omega_n, that it lasts at least. Chosen."""
+    lasts_s: tuple[float, ...] = (1.5, 5.0)
+    """[s] Within which it lasts. Chosen."""
+    fewest_periods: float = 3.0
+    """[periods] Of a slow plant, that it lasts in any case, if need be with fewer samples a second.
+    Chosen."""
+    most_samples: int = 6000
+    """[rows] Of it. Chosen."""
+    tries: int = 10
+    """[-] Amplitudes until the travel is that of the recording. Chosen."""
+
+
+TRIAL: Final = ExperimentTrial()
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """Which experiment separates causes."""
+
+    misses_by: float = 1.0
+    """[-] Times the noise by which the rival must miss, once it is fitted: its squared error is then
+    doubled. Chosen."""
+    pressure_differs: float = 0.03
+    """[-] Part of the load pressure's deviation by which the models must differ for it to be worth a
+    sensor. Chosen."""
+    rivals_tried: int = 3
+    """[-] Rivals that are tried. Chosen."""
+    starts_tried: int = 2
+    """[-] Places from which a rival's fit begins. Chosen."""
+
+
+NEXT_EXPERIMENT: Final = NextExperiment()
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What remains, and what it goes with."""
+
+    negligible: float = 2e-4
+    """[-] Part of the squared error that is as good as explained: starts fitted to short windows leave
+    some. Chosen."""
+    named_share: float = 0.08
+    """[-] Of the rest that a smooth function has to explain, to be named. Chosen."""
+    bins: int = 16
+    """[bins] Of that function. Chosen."""
+
+
+UNEXPLAINED: Final = Unexplained()
+
+
+@dataclass(frozen=True, slots=True)
+class Pipeline:
+    """Recordings that are refused."""
+
+    mostly_noise: float = 0.7
+    """[-] NRMSE of noise alone from which on nothing can be identified. Chosen."""
+
+
+PIPELINE: Final = Pipeline()

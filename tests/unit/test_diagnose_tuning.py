@@ -1,0 +1,109 @@
+"""Numbers that steer the diagnosis stand in one room, each with its unit, meaning and reason."""
+
+import ast
+import re
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import seod.diagnose
+
+ROOT = Path(seod.diagnose.__file__).parent
+STAGES = sorted(path.stem for path in (ROOT / "tuning").glob("[a-z]*.py"))
+SEARCHING = ("record", "fitting", "starts", "search", "verdict", "account", "pipeline.py")
+NEITHER = {
+    "SD_OF_95",
+    "NORM",
+    "CORRELATED",
+    "STATES",
+    "MARKS",
+    "_BEYOND",
+    "_CHANGES",
+    "_SPREAD",
+    "_LARGEST",
+    "_IMPOSSIBLE",
+    "_SEED",
+}
+"""Constants of mathematics and of layouts: no judgement would change them."""
+SAID = re.compile(r"^\[[^\]]+\] \S.*(Chosen|Measured|The contract's)", re.DOTALL)
+
+
+def table(stage):
+    """Class, its fields in the source, and what is said of each."""
+    for node in ast.parse((ROOT / "tuning" / f"{stage}.py").read_text()).body:
+        if isinstance(node, ast.ClassDef):
+            said = {}
+            for own, after in zip(node.body, [*node.body[1:], None], strict=True):
+                if isinstance(own, ast.AnnAssign):
+                    text = after.value.value if isinstance(after, ast.Expr) else ""
+                    said[own.target.id] = text
+            yield node.name, said
+
+
+def instances(stage):
+    """By name."""
+    module = import_module(f"seod.diagnose.tuning.{stage}")
+    return {
+        name: value
+        for name, value in vars(module).items()
+        if is_dataclass(value) and not isinstance(value, type)
+    }
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_each_number_says_its_unit_its_meaning_and_why(stage):
+    for name, said in table(stage):
+        assert said, name
+        for field, text in said.items():
+            assert SAID.match(text), f"{stage}.{name}.{field}: {text!r}"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_numbers_cannot_be_changed_on_the_way(stage):
+    module = import_module(f"seod.diagnose.tuning.{stage}")
+    instances = [
+        value for value in vars(module).values() if is_dataclass(value) and not isinstance(value, type)
+    ]
+    assert instances
+    for each in instances:
+        first = fields(each)[0].name
+        with pytest.raises(AttributeError):
+            setattr(each, first, 0)
+
+
+def numeric(node):
+    try:
+        value = ast.literal_eval(node)
+    except ValueError:
+        return isinstance(node, ast.BinOp)
+    values = value if isinstance(value, tuple) else (value,)
+    return any(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
+
+
+def constants(path):
+    """Numbers at the top of a module, by name."""
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and numeric(node.value):
+            yield node.target.id
+
+
+def test_no_stage_keeps_a_number_of_its_own():
+    files = [
+        path
+        for room in SEARCHING
+        for path in ([ROOT / room] if room.endswith(".py") else sorted((ROOT / room).rglob("*.py")))
+    ]
+    assert len(files) > 50
+    assert {name for path in files for name in constants(path)} <= NEITHER
+
+
+def test_every_number_is_used():
+    sources = "".join(
+        path.read_text() for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT / "tuning"
+    )
+    for stage in STAGES:
+        for instance, value in instances(stage).items():
+            for field in fields(value):
+                assert re.search(rf"\b{instance}\.{field.name}\b", sources), f"{instance}.{field.name}"
