@@ -124,7 +124,7 @@ def test_two_windows_held_out_are_enough(driven):
 
 
 def test_few_independent_samples_show_nothing(driven):
-    u, states, effect = driven
+    u, states, _effect = driven
     slow = parts_of(u, coloured(0.99, 0.1), states)
     assert foretold(parts_of(u, coloured(0.9, 0.1), states), PLANT).enough
     assert not foretold(slow, PLANT).enough
