@@ -159,9 +159,17 @@ class Physics:
         Raises:
             ValueError: The supply cannot move the load so.
         """
+        found = self._newton(self._guess(speed, speed >= 0.0), speed)
+        if found is None:  # leakage may keep the valve open the other way
+            found = self._newton(self._guess(speed, speed < 0.0), speed)
+        if found is None:
+            raise ValueError(f"no steady state at {speed:g} unit/s: the supply cannot move the load so")
+        return found
+
+    def _newton(self, x: Matrix, speed: float) -> Steady | None:
+        """The steady state that is reached from opening, pa, pb and ps in `x`; None: none is."""
         droop = self.p["supply_droop"]
         crosses = self.p["clearance"] + self.cross + self.external > 0.0  # leakage moves the opening
-        x = self._guess(speed)
         for _ in range(MOST_STEPS):
             o, pa, pb, ps = x
             flows, slopes = self.ports(o, pa, pb, ps)
@@ -193,21 +201,21 @@ class Physics:
             x = x + part * change * scale
             if np.max(np.abs(change)) < CLOSE:
                 return self._found(x, speed, float(self.ports(*x)[0][2]))
-        raise ValueError(f"no steady state at {speed:g} unit/s: the supply cannot move the load so")
+        return None
 
-    def _guess(self, speed: float) -> Matrix:
-        """Opening and pressures without leakage."""
-        forth = speed >= 0.0
+    def _guess(self, speed: float, forth: bool) -> Matrix:
+        """Opening and pressures of a valve that is open one way; of leakage only what crosses is counted."""
         pushes, yields = (self.area_a, self.area_b) if forth else (self.area_b, self.area_a)
         drag = self.friction(speed)[0] + self.load
-        need = math.copysign(1.0, speed) * drag if speed else drag
+        need = drag if forth else -drag
         # (ps - p1) / p2 = r, pushes p1 - yields p2 = need
         r, span = (pushes / yields) ** 2, self.set - self.tank
         p2 = (span - need / pushes) / (r + yields / pushes)
-        if not p2 > 0.0:
+        if not 0.0 < p2 < span:
             raise ValueError(f"no steady state at {speed:g} unit/s: the load asks for more than the supply")
         p1 = (need + yields * p2) / pushes
-        o = abs(speed) * yields / (self.conductance * math.sqrt(max(p2, 1.0)))
+        flow = abs(speed * yields + self.cross * (p1 - p2))
+        o = flow / (self.conductance * math.sqrt(max(p2, 1.0)))
         p1, p2 = p1 + self.tank, p2 + self.tank
         pa, pb = (p1, p2) if forth else (p2, p1)
         return np.array([o if forth else -o, pa, pb, self.set])
