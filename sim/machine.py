@@ -136,21 +136,9 @@ class HydraulicMachine:
     ) -> tuple[Array, Array, Array]:
         """`closed_loop.relay`."""
         y, u, t_u = np.empty((3, len(t)))
-        closed_loop.relay(
-            self.p[0],
-            self.state[0],
-            relay[0],
-            t,
-            noise,
-            around[0],
-            around[1],
-            NONE,
-            NONE,
-            y,
-            u,
-            t_u,
-            np.empty((0, 6)),
-        )
+        none = np.empty((0, 6))
+        p, s, supply, warmth = self.p[0], self.state[0], around[0], around[1]
+        closed_loop.relay(p, s, relay[0], t, noise, supply, warmth, NONE, NONE, 0.0, y, u, t_u, none)
         return y, u, t_u
 
     def forget_readings(self) -> None:

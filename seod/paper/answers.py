@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from seod.estimate.base import Estimate
     from seod.paper.bench import Bench, Run
 
-METHODS: Final = ("peaks", "exact", "wave", "two-phase")
-PHASE: Final = 3
-"""Cycles of each phase of the two-phase relay."""
 SURE: Final = 1.96
 """Standard deviations of a 95 % interval."""
 
@@ -31,28 +28,26 @@ def rows(run: Run, velocity: bool) -> list[Row]:
     exciting = run.t >= ENTRY_S
     speed = run.y if velocity else np.full(len(run.t), math.nan)
     reference = np.zeros(len(run.t)) if velocity else run.reference
-    columns = (run.t, y, run.u, run.t, reference, run.bias, exciting, run.K_L, run.second, speed)
+    columns = (run.t, y, run.u, run.t, reference, run.bias, exciting, run.K_L, speed)
     return [
-        Row(t, y, u, t_u, wish, run.e_a, bias, on, K_L=K_L, second=second, speed=v)
-        for t, y, u, t_u, wish, bias, on, K_L, second, v in zip(*(c.tolist() for c in columns), strict=True)
+        Row(t, y, u, t_u, wish, run.e_a, bias, on, K_L=K_L, speed=v)
+        for t, y, u, t_u, wish, bias, on, K_L, v in zip(*(c.tolist() for c in columns), strict=True)
     ]
 
 
 def estimates(bench: Bench, run: Run, method: str) -> list[Estimate]:
     """All answers of one method, as they would have come live."""
-    two = method == "two-phase"
     axis = bench.view.axis
     settings = EstimatorSettings(
-        method="wave" if two else method,
+        method=method,
         K_L=float(run.K_L[0]),
         hysteresis=axis.relay.hysteresis,
         delay_s=0.0,
         period_s=TICK_S,
-        cycles=2 * PHASE if two else axis.estimator.cycles,
+        cycles=axis.estimator.cycles,
         lowpass_hz=None,
         lag_s=bench.view.sensor.lag,
-        K_L_sd=math.inf if two else 0.0,
-        delay_sd=math.inf if two else UNTOLD_PERIODS * TICK_S,
+        delay_sd=UNTOLD_PERIODS * TICK_S,
         integrated=bench.velocity,
     )
     estimator = make_estimator(settings)
@@ -82,19 +77,3 @@ def _middle(told: list[Estimate], name: str) -> Answer:
         name: float(np.median(values)) if values else None,
         f"{name}_95": SURE * float(np.median(sds)) if sds else None,
     }
-
-
-def course(bench: Bench, run: Run, method: str, over: str, every: int = 1) -> dict[str, list[float]]:
-    """Answers while `over` (`ps` [Pa] or `reference` [unit/s]) sweeps, each at its window's middle."""
-    column = getattr(run, over)
-    found: dict[str, list[float]] = {over: [], "zeta": [], "omega_n": [], "zeta_95": [], "omega_n_95": []}
-    for each in estimates(bench, run, method)[::every]:
-        if each.zeta is None or each.omega_n is None or each.quality in {"settling", "no_oscillation"}:
-            continue
-        at = each.t - (each.lag_s or 0.0)
-        found[over].append(float(np.interp(at, run.t, column)))
-        for name in ("zeta", "omega_n"):
-            sd = getattr(each, f"{name}_sd")
-            found[name].append(float(getattr(each, name)))
-            found[f"{name}_95"].append(SURE * sd if sd is not None else math.nan)
-    return found

@@ -37,6 +37,8 @@ ENTRY_S: Final = 0.05
 """In which the relay's amplitude rises."""
 PERIODS: Final = 4
 """Of the multisine that are looked at, after one that settles."""
+TRIM: Final = 0.2
+"""As the daemon's: part of a cycle's mean relay voltage that is moved into the bias."""
 NOISE: Final = 1
 DRIVE: Final = 2
 """Streams of random numbers."""
@@ -56,7 +58,7 @@ class Run:
         K_L: That the daemon assumes [unit/s/V].
         area: In velocity mode the integral of the speed's error [unit]; else none.
         e_a: [V]
-        second: Second phase of a two-phase relay.
+        inside: `sim.hydraulics.closed_loop.INSIDE` of each row, where it was asked for.
     """
 
     t: Array
@@ -68,7 +70,6 @@ class Run:
     K_L: Array
     area: Array
     e_a: float
-    second: Array
     inside: Array = field(default_factory=lambda: np.empty((0, 6)))
 
     @property
@@ -107,7 +108,10 @@ class Bench:
         if effects:
             plant = with_effects(plant, effects)
         if parts and plant.hydraulic is not None:
-            changed = {group: {**plant.hydraulic.get(group, {}), **parts.get(group, {})} for group in {*plant.hydraulic, *parts}}
+            changed = {
+                group: {**plant.hydraulic.get(group, {}), **parts.get(group, {})}
+                for group in {*plant.hydraulic, *parts}
+            }
             plant = plant.model_copy(update={"hydraulic": changed})
         self.plant = plant
         self.noise = plant.noise if noise is None else noise
@@ -139,13 +143,14 @@ class Bench:
         ps: float | Array | None = None,
         speed: float | Array = 0.0,
         hysteresis: float | None = None,
-        cycles: int = 0,
         seed: int = 1,
         inside: bool = False,
     ) -> Run:
         """A relay run of `duration` [s] at pressures `ps` [Pa] and, in velocity mode, speeds [unit/s]."""
         t = np.arange(round(duration / TICK_S)) * TICK_S
-        whole = np.full(len(t), self.nominal_pa if ps is None else ps) if not isinstance(ps, np.ndarray) else ps
+        whole = (
+            np.full(len(t), self.nominal_pa if ps is None else ps) if not isinstance(ps, np.ndarray) else ps
+        )
         reference = np.full(len(t), speed) if not isinstance(speed, np.ndarray) else speed
         K_L = np.array([self.gain(each) for each in whole.tolist()])
         bias = reference / K_L if self.velocity else np.zeros(len(t))
@@ -154,19 +159,18 @@ class Bench:
         r = np.zeros(1, RELAY)
         r["e_a"], r["entry"], r["velocity_mode"] = e_a, ENTRY_S, self.velocity
         r["hysteresis"] = self.view.axis.relay.hysteresis if hysteresis is None else hysteresis
-        r["cycles"], r["shift"] = cycles, 0.25
         machine = self._machine(float(supply[0]), float(bias[0]))
         noise = np.random.default_rng([seed, NOISE]).normal(0.0, self.noise, len(t)) if self.noise else NONE
         y, u, t_u = np.empty((3, len(t)))
+        trim = TRIM if self.velocity else 0.0
         within = np.empty((len(t) if inside else 0, 6))
         wish = reference if self.velocity else np.full(len(t), self.plant.position)
         closed_loop.relay(
-            machine.p[0], machine.state[0], r[0], t, noise, supply, NONE, wish, bias, y, u, t_u, within
+            machine.p[0], machine.state[0], r[0], t, noise, supply, NONE, wish, bias, trim, y, u, t_u, within
         )
         seen = self.view.readings(y)
         area = _area(t, seen, reference) if self.velocity else NONE
-        second = _second(u, bias, cycles)
-        return Run(t, u, seen, whole, reference, bias, K_L, area, e_a, second, within)
+        return Run(t, u, seen, whole, reference, bias, K_L, area, e_a, within)
 
     def response(
         self,
@@ -195,7 +199,9 @@ class Bench:
             seen = self.view.readings(y)
             if output == "position":
                 seen = _without_drift(t, seen, round(period / TICK_S))
-            segments.append(Segment.of("multisine", t, u, seen, t, output=output, period=period).after(period))
+            segments.append(
+                Segment.of("multisine", t, u, seen, t, output=output, period=period).after(period)
+            )
         return respond(segments, K_L, None, self.view.sensor.lag)
 
 
@@ -203,15 +209,6 @@ def _area(t: Array, speed: Array, reference: Array) -> Array:
     """Integral of the speed's error, as the daemon's relay sees it [unit]."""
     steps = (0.5 * (speed[1:] + speed[:-1]) - reference[1:]) * np.diff(t)
     return np.concatenate(([0.0], np.cumsum(steps)))
-
-
-def _second(u: Array, bias: Array, cycles: int) -> Array:
-    """Where a two-phase relay is in its second phase: rows of odd groups of `cycles` rises."""
-    if not cycles:
-        return np.zeros(len(u), np.bool_)
-    up = (u > bias).astype(int)
-    rises = np.cumsum(np.concatenate(([0], np.maximum(np.diff(up), 0))))
-    return np.asarray(np.maximum(rises - 1, 0) // cycles % 2 == 1)
 
 
 def _without_drift(t: Array, y: Array, period: int) -> Array:

@@ -82,6 +82,7 @@ def relay(
     warmth: Array,
     reference: Array,
     bias: Array,
+    trim: float,
     y: Array,
     u: Array,
     t_u: Array,
@@ -99,6 +100,7 @@ def relay(
         warmth: [K], likewise.
         reference: [unit, in velocity mode unit/s], shape (n,), or (0,): the relay's own.
         bias: [V], likewise.
+        trim: Part of a cycle's mean relay voltage by which the bias is moved; 0: it stays.
         y: Filled, shape (n,).
         u: Filled, shape (n,).
         t_u: Filled, shape (n,).
@@ -110,6 +112,7 @@ def relay(
     rose, whole, behind = -1.0, 0.0, 0.0  # time of the last rise, undisturbed period, lateness
     rounds, when = 0, -math.inf
     before, tick = 0.0, 0.0
+    switched, up, moved = t[0], 0.0, 0.0  # last switch, time of the last upper half, bias moved so far
     for k in range(len(t)):
         around(p, s, supply, warmth, k)
         given = reach(p, s, t_u, u, given, k, t[k])
@@ -126,6 +129,12 @@ def relay(
         if turned:
             side = -side
             when = t[k] + behind
+            if side < 0.0:
+                up = t[k] - switched
+            elif up > 0.0:
+                down = t[k] - switched
+                moved += trim * (up - down) / (up + down) * r.e_a
+            switched = t[k]
             if side > 0.0:
                 if rose >= 0.0:
                     rounds += 1
@@ -138,5 +147,5 @@ def relay(
         if t[k] >= when:
             put_out = side
         size = r.e_a if r.entry == 0.0 else r.e_a * min(1.0, (t[k] - t[0]) / r.entry)
-        u[k] = (bias[k] if len(bias) else r.bias) + put_out * size
+        u[k] = (bias[k] if len(bias) else r.bias) + moved + put_out * size
         t_u[k] = t[k] + r.latency
