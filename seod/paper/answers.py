@@ -35,18 +35,18 @@ def rows(run: Run, velocity: bool) -> list[Row]:
     ]
 
 
-def estimates(bench: Bench, run: Run, method: str) -> list[Estimate]:
+def estimates(bench: Bench, run: Run, method: str, hysteresis: float) -> list[Estimate]:
     """All answers of one method, as they would have come live."""
     axis = bench.view.axis
     settings = EstimatorSettings(
         method=method,
         K_L=float(run.K_L[0]),
-        hysteresis=axis.relay.hysteresis,
+        hysteresis=hysteresis,
         delay_s=0.0,
         period_s=TICK_S,
         cycles=axis.estimator.cycles,
         lowpass_hz=None,
-        lag_s=bench.view.sensor.lag,
+        lag_s=bench.lag,
         delay_sd=UNTOLD_PERIODS * TICK_S,
         integrated=bench.velocity,
     )
@@ -55,9 +55,9 @@ def estimates(bench: Bench, run: Run, method: str) -> list[Estimate]:
     return [each for each in found if each is not None]
 
 
-def answer(bench: Bench, run: Run, method: str) -> Answer:
+def answer(bench: Bench, run: Run, method: str, hysteresis: float) -> Answer:
     """The median of a steady run's answers: values, half widths of 95 % intervals, quality."""
-    told = [each for each in estimates(bench, run, method) if each.zeta is not None]
+    told = [each for each in estimates(bench, run, method, hysteresis) if each.zeta is not None]
     late = told[len(told) // 3 :]
     if not late:
         return {"zeta": None, "omega_n": None, "quality": "no_oscillation"}

@@ -1,4 +1,4 @@
-"""A simulated rig on the bench: relay runs with courses of pressure and speed, and multisines for the response."""
+"""A simulated rig on the bench: relay runs, and multisines for the frequency response."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from seod.respond.response import respond
 from seod.simulate.view import AxisView
 from sim.experiment import sensor_effects, with_effects
 from sim.hydraulics import closed_loop
+from sim.hydraulics.linear import Physics
+from sim.hydraulics.record import record_of
 from sim.machine import HydraulicMachine
 from sim.runs import RELAY
 from sim.truth import numbers
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seod.config.model import RigConfig
+    from seod.respond.record import Output
     from seod.respond.response import Response
 
     Array = NDArray[np.float64]
@@ -39,6 +42,8 @@ PERIODS: Final = 4
 """Of the multisine that are looked at, after one that settles."""
 TRIM: Final = 0.2
 """As the daemon's: part of a cycle's mean relay voltage that is moved into the bias."""
+CREEP: Final = 1e-6
+"""Speed of creeping [unit/s]."""
 NOISE: Final = 1
 DRIVE: Final = 2
 """Streams of random numbers."""
@@ -93,6 +98,7 @@ class Bench:
         effects: More effects of its plant, as in `sim.effects`.
         parts: Other values of its parts, by group and key.
         noise: Of the sensor [unit, or unit/s]; None: the rig file's.
+        clean: The sensor neither counts nor lags, K_L is the true one, and the bias stands still.
     """
 
     def __init__(
@@ -102,9 +108,13 @@ class Bench:
         effects: dict[str, dict[str, float]] | None = None,
         parts: dict[str, dict[str, float]] | None = None,
         noise: float | None = None,
+        clean: bool = False,
     ) -> None:
         self.view = AxisView(rig(name), axis)
-        plant = with_effects(self.view.plant, sensor_effects(self.view.plant))
+        plant = self.view.plant
+        if not clean:
+            plant = with_effects(plant, sensor_effects(plant))
+        self.clean, self.lag = clean, 0.0 if clean else self.view.sensor.lag
         if effects:
             plant = with_effects(plant, effects)
         if parts and plant.hydraulic is not None:
@@ -123,6 +133,13 @@ class Bench:
         """K_L, omega_n and zeta of small movements at a pressure [Pa] and about a speed [unit/s]."""
         supply = 1.0 if ps is None else ps / self.nominal_pa
         return numbers(self.plant, self.plant.position, speed, supply, 0.0)
+
+    def _null(self, ps: float) -> float:
+        """Command at which a clean plant stands still [V]: mean of creeping forth and back."""
+        if not self.clean:
+            return 0.0
+        physics = Physics(record_of(self.plant), self.plant.position, ps / self.nominal_pa)
+        return 0.5 * (physics.steady(CREEP).volts + physics.steady(-CREEP).volts)
 
     def _machine(self, supply: float, volts: float) -> HydraulicMachine:
         """At rest, or moving steadily where volts are held before time 0."""
@@ -147,13 +164,16 @@ class Bench:
         inside: bool = False,
     ) -> Run:
         """A relay run of `duration` [s] at pressures `ps` [Pa] and, in velocity mode, speeds [unit/s]."""
-        t = np.arange(round(duration / TICK_S)) * TICK_S
+        t = np.arange(round(duration / TICK_S), dtype=np.float64) * np.float64(TICK_S)
         whole = (
             np.full(len(t), self.nominal_pa if ps is None else ps) if not isinstance(ps, np.ndarray) else ps
         )
         reference = np.full(len(t), speed) if not isinstance(speed, np.ndarray) else speed
-        K_L = np.array([self.gain(each) for each in whole.tolist()])
-        bias = reference / K_L if self.velocity else np.zeros(len(t))
+        if self.clean:
+            K_L = np.full(len(t), self.true(float(whole[0]), float(reference[0]))["K_L"])
+        else:
+            K_L = np.array([self.gain(each) for each in whole.tolist()])
+        bias = reference / K_L if self.velocity else np.full(len(t), self._null(float(whole[0])))
         supply = whole / self.nominal_pa
         e_a = self.view.axis.relay.e_a if e_a is None else e_a
         r = np.zeros(1, RELAY)
@@ -168,7 +188,7 @@ class Bench:
         closed_loop.relay(
             machine.p[0], machine.state[0], r[0], t, noise, supply, NONE, wish, bias, trim, y, u, t_u, within
         )
-        seen = self.view.readings(y)
+        seen: Array = y * self.view.slope if self.clean else self.view.readings(y)
         area = _area(t, seen, reference) if self.velocity else NONE
         return Run(t, u, seen, whole, reference, bias, K_L, area, e_a, within)
 
@@ -186,9 +206,9 @@ class Bench:
         """Frequency response to two multisines of `amplitude` [V] within a band [Hz]."""
         pressure = self.nominal_pa if ps is None else ps
         random = np.random.default_rng([seed, DRIVE])
-        output = "velocity" if self.velocity else "position"
+        output: Output = "velocity" if self.velocity else "position"
         bias = speed / self.gain(pressure) if self.velocity else 0.0
-        t = np.arange(round((PERIODS + 1) * period / TICK_S)) * TICK_S
+        t = np.arange(round((PERIODS + 1) * period / TICK_S), dtype=np.float64) * np.float64(TICK_S)
         segments = []
         for number, tones in enumerate(multisines(band, period, 2, output, random)):
             hertz, size, phase = np.array(tones).T

@@ -1,4 +1,4 @@
-"""The daemon's loop on a simulated rig and simulated time, and its estimators beside it, one for each method."""
+"""The daemon's loop on a simulated rig and simulated time, and an estimator beside it for each method."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from drivers.virtual import VirtualDriver, VirtualOptions
-from seod.config.resolution import resolution_of
 from seod.config.channels import input_channels, neutral_values, output_channels
+from seod.config.resolution import resolution_of
 from seod.estimate import make_estimator
 from seod.loop.pacer import SimulatedPacer
 from seod.loop.tick import Loop
@@ -55,7 +55,7 @@ class Told:
     estimates: dict[str, list[Estimate]] = field(default_factory=dict)
     rows: list[tuple[float, ...]] = field(default_factory=list)
 
-    def column(self, which: Column) -> Array:
+    def column(self, which: int) -> Array:
         """One value of all rows, shape (n,)."""
         return np.array([row[which] for row in self.rows])
 

@@ -173,7 +173,7 @@ def figure_4() -> Numbers:
 
 
 def _simulated_factors(zeta: float) -> tuple[float, float]:
-    """xi and Gamma of the reduced kernel under a relay that sees every instant."""
+    """Both factors, xi and Gamma, of the reduced kernel under a relay that sees every instant."""
     K_L, omega_n, e_a = 17.0, 117.0, 0.5
     p = parameters(K_L, omega_n, zeta)
     state, relay = new_state(p), np.zeros(1, RELAY)

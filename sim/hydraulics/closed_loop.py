@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from sim.compiled import Record, compiled
+from sim.compiled import Record, compiled, inlined
 from sim.hydraulics.motion import advance, command, measured, quantized, surroundings
 
 Array = np.ndarray
@@ -71,6 +71,17 @@ def follow(
         y[k] = look(p, s, noise, inside, k)
 
 
+@inlined
+def cycle(side: float, t: float, switched: float, up: float, trim: float) -> tuple[float, float]:
+    """At a switch to `side`: length of the last upper half [s], and the part to move the bias by."""
+    if side < 0.0:
+        return t - switched, 0.0
+    if up == 0.0:
+        return 0.0, 0.0
+    down = t - switched
+    return up, trim * (up - down) / (up + down)
+
+
 @compiled
 def relay(
     p: Record,
@@ -129,12 +140,8 @@ def relay(
         if turned:
             side = -side
             when = t[k] + behind
-            if side < 0.0:
-                up = t[k] - switched
-            elif up > 0.0:
-                down = t[k] - switched
-                moved += trim * (up - down) / (up + down) * r.e_a
-            switched = t[k]
+            up, more = cycle(side, t[k], switched, up, trim)
+            moved, switched = moved + more * r.e_a, t[k]
             if side > 0.0:
                 if rose >= 0.0:
                     rounds += 1

@@ -1,7 +1,7 @@
 """Every parameter of the physical plant: unit, range, default and where the default comes from.
 
-Rig files, the kernel's record, the JSON schema and `docs/hydraulics.md` take all of it from here. Pressures are
-above atmosphere. `unit` is that of the plant's position, rad (m where a cylinder has no arm); forces are then
+Rig files, the kernel's record, the JSON schema and `docs/hydraulics.md` take all of it from here. Pressures
+are above atmosphere. `unit` is that of the position, rad (m where a cylinder has no arm); forces are then
 torques, N m (or N), inertias kg m^2 (or kg). Needs no numba.
 """
 
