@@ -30,6 +30,7 @@ ROD = {
     "load": {"inertia": 300.0},
 }
 """Straight, of unit m."""
+DAMPED = {"load": {"inertia": 300.0, "viscous": 4e4}, "leakage": {"cross": 1e-12}}
 
 
 def merged(base, more):
@@ -143,8 +144,8 @@ def test_small_signals_of_a_motor_are_those_of_the_textbook(speed):
         (MOTOR, {}, 32.5),
         (MOTOR, {"supply": {"droop": 5e8}, "load": {"viscous": 0.01}}, 32.5),
         (MOTOR, {"load": {"second": 0.3, "second_omega": 300.0}}, 20.0),
-        (ROD, {"leakage": {"cross": 1e-11}}, 0.003),
-        (ROD, {"leakage": {"cross": 1e-11}}, -0.003),
+        (ROD, DAMPED, 0.02),
+        (ROD, DAMPED, -0.02),
     ],
 )
 def test_small_signals_are_what_small_movements_do(base, more, speed):
@@ -153,26 +154,25 @@ def test_small_signals_are_what_small_movements_do(base, more, speed):
     small = small_signal(record_of(config), speed=speed)
     omega = 0.8 * small.omega_n
     slow = small.omega_n * (small.zeta - math.sqrt(max(0.0, small.zeta**2 - 1.0)))
-    tick = 2 * math.pi / omega / 100
-    t = np.arange(round(10.0 / slow / tick) + 1000) * tick
+    tick = 2 * math.pi / omega / 400
+    t = np.arange(round(10.0 / slow / tick) + 2000) * tick
     tiny = 1e-2 * abs(small.steady.opening)
     _, s = run(config, t, small.steady.volts + tiny * np.sin(omega * t))
-    wave = np.exp(-1j * omega * t[-1000:])
-    seen = (s["velocity"][-1000:] * wave).mean() / (s["spool"][-1000:] * wave).mean()
+    wave = np.exp(-1j * omega * t[-2000:])
+    seen = (s["velocity"][-2000:] * wave).mean() / (s["spool"][-2000:] * wave).mean()
     if base is ROD:  # it has moved
-        small = small_signal(record_of(config), speed=speed, position=s["position"][-500])
+        small = small_signal(record_of(config), speed=speed, position=s["position"][-1000])
     matrices = small.C @ np.linalg.solve(1j * omega * np.eye(len(small.A)) - small.A, small.B)
     assert abs(seen / matrices - 1) < 0.01
 
 
-def test_a_single_rod_extends_slower_than_it_retracts():
-    """Flow through a symmetrical valve: the speeds differ by the root of the areas' ratio, cubed."""
+def test_a_single_rod_extends_faster_than_it_retracts():
+    """Without load, through a symmetrical valve: by the root of the areas' ratio."""
     t = np.arange(2000) * 5e-4
     forth = run(plant(ROD), t, np.full(len(t), 1.0))[1]["velocity"][-1]
     back = run(plant(ROD), t, np.full(len(t), -1.0))[1]["velocity"][-1]
     ratio = 0.04**2 / (0.04**2 - 0.025**2)
-    # extending: the piston's side is fed, the ring's side is throttled; retracting the other way
-    assert -back / forth == pytest.approx(math.sqrt(ratio), rel=2e-3)
+    assert -forth / back == pytest.approx(math.sqrt(ratio), rel=2e-3)
 
 
 def test_friction_holds_and_lets_go():
@@ -206,9 +206,9 @@ def test_droop_relief_and_ripple_of_the_supply():
 
 
 def test_no_chamber_falls_below_the_vapour_pressure():
-    config = plant(more={"oil": {"air": 0.0}, "load": {"inertia": 2.0}})
+    config = plant(more={"oil": {"air": 0.0}, "load": {"inertia": 0.2}})
     t = np.arange(2000) * 5e-4
-    s = run(config, t, np.where(t < 0.5, 8.0, -8.0))[1]
+    s = run(config, t, np.where(t < 0.5, 8.0, 0.0))[1]  # the load runs on, its valve shut
     assert min(s["pressure_a"].min(), s["pressure_b"].min()) == -9.5e4
 
 
