@@ -1,4 +1,4 @@
-"""`seod paper`: the daemon on the physical rigs, pictures and page from given numbers, the same bytes twice."""
+"""`seod paper`: the daemon on the physical rigs; pictures and page from given numbers."""
 
 import json
 from pathlib import Path
