@@ -3,11 +3,11 @@
     python bench/diagnose_physical.py --out physical.jsonl --count 200     # the same file again: goes on
     python bench/diagnose_physical.py --out physical.jsonl --count 0       # only the tables
 
-The plants are other physics than the model that is searched: chambers, orifices, a spool of second order. What
-they always have may be named beside the cause: square_root_flow and a lag of valve or sensor. A leakage is linear:
-it changes zeta, and nothing else may be named. The held-out record is at another operating point, pressure +-2 MPa
-and amplitude x 0.5 or x 2: the extended model must foretell it better than the baseline, where there is a name.
-Goals: 95 % of 200 for both.
+The plants are other physics than the model that is searched: chambers, orifices, a spool of second
+order. What they always have may be named beside the cause: square_root_flow and a lag of valve or
+sensor. A leakage is linear: it changes zeta, and nothing else may be named. The held-out record is at
+another operating point, pressure +-2 MPa and amplitude x 0.5 or x 2: the extended model must foretell it
+better than the baseline, where there is a name. Goals: 95 % of 200 for both.
 """
 
 from __future__ import annotations
@@ -210,9 +210,8 @@ def table(lines: list[dict[str, Any]]) -> None:
         ("foretold better", sum(_is_better(each) for each in asked), len(asked)),
     ):
         low, high = wilson(hits, n)
-        print(
-            f"{what}: {hits} of {n}, Wilson 95 % {100 * low:.0f} to {100 * high:.0f} % (goal {100 * GOAL:.0f} %)"
-        )
+        ends = f"{100 * low:.0f} to {100 * high:.0f} %"
+        print(f"{what}: {hits} of {n}, Wilson 95 % {ends} (goal {100 * GOAL:.0f} %)")
 
 
 def _is_better(each: dict[str, Any]) -> bool:

@@ -2,9 +2,9 @@
 
     python bench/hydraulics.py [--rounds 11] [--ticks 20000]
 
-Each of the shipped physical rigs in the limit cycle of its own relay, 0.5 ms a tick; beside it Eq. 1 of the same
-small signals, alone and with the effects that a physical plant always has. Goal: at most 5 times the reduced
-kernel's.
+Each of the shipped physical rigs in the limit cycle of its own relay, 0.5 ms a tick; beside it Eq. 1 of
+the same small signals, alone and with the effects that a physical plant always has. Goal: at most 5
+times the reduced kernel's.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The physical plant: against a truth written apart, its balances, its limits, its small signals."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.signal import detrend
 from sim.config import PlantConfig
 from sim.hydraulics import closed_loop, motion
 from sim.hydraulics.linear import Physics, rest_pressures, small_signal
+from sim.hydraulics.parts import PARTS
 from sim.hydraulics.record import record_of
 
 NONE = np.empty(0)
@@ -274,3 +276,10 @@ def test_a_reduced_plant_of_it_stands_for_small_movements():
     assert (reduced.plant, reduced.hydraulic) == ("reduced", None)
     assert reduced.effects == {"sensor_lag": {"time": 1e-3}}
     assert reduced.omega_n == pytest.approx(small_signal(record_of(config)).omega_n)
+
+
+def test_the_page_lists_every_part():
+    page = (Path(__file__).parents[2] / "docs" / "hydraulics.md").read_text()
+    for part in PARTS:
+        assert f"| {part.name} | {part.unit} | " in page, part.slot
+        assert part.source in page
