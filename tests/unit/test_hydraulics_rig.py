@@ -1,4 +1,4 @@
-"""`plant: hydraulic` where plants are used: live behind an amplifier, in recordings, beside the rig, on a line."""
+"""`plant: hydraulic` where plants are used: live, in recordings, beside the rig, behind a crank."""
 
 import json
 import math
@@ -9,6 +9,7 @@ import pytest
 from test_hydraulics import MOTOR, ROD, merged, plant, run
 from typer.testing import CliRunner
 
+from drivers import driver_class
 from seod.cli import app
 from seod.config.load import load_rig
 from seod.config.truth import truth
@@ -17,12 +18,14 @@ from seod.diagnose.extend.rig_file import into_config
 from seod.files.shipped import configs_dir
 from seod.model_monitor.models import linear_model
 from sim.actuator import Actuator
+from sim.can_rig import CanRig
 from sim.config import SimulationConfig
 from sim.hydraulics.live import HydraulicPlant
 from sim.hydraulics.record import record_of
 from sim.rig import SimulatedRig
 from sim.sensor_config import AdcTruth
 from sim.sensors import counted
+from sim.serial_rig import SerialRig
 
 SERVO = configs_dir() / "servo-hydraulic.yaml"
 
@@ -139,3 +142,18 @@ def test_a_cylinder_behind_a_crank_moves_by_its_lever():
     t = np.arange(400) * 5e-4
     turned, moved = (run(each, t, np.full(len(t), 0.5))[1]["velocity"][-1] for each in (behind, straight))
     assert moved / turned == pytest.approx(lever, rel=0.05)
+
+
+@pytest.mark.parametrize(("name", "end"), [("servo-can", CanRig), ("serial", SerialRig)])
+def test_the_rig_at_the_other_end_of_a_line_takes_it(name, end):
+    config = load_rig(configs_dir() / f"{name}.yaml")
+    (was,) = config.simulation.plants.values()
+    fields = {key: getattr(was, key) for key in ("input", "output", "sensor", "measures")}
+    simulation = config.simulation.model_copy(update={"plants": {"motor": plant(**fields)}})
+    assert simulation.kinds == ["hydraulic"]
+    options = driver_class(config.driver["kind"]).Options.model_validate(config.driver)
+    rig = end(options, simulation, clock=lambda: 0.0).rig
+    for k in range(400):
+        rig.apply(1e-3 * k, {was.input: 1.0})
+    assert rig.actuators["motor"].plant.velocity > 5.0
+    assert rig.state(0.4)["motor"]["pressure"] > 0.0
