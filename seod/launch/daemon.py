@@ -84,7 +84,8 @@ def lock(config: RigConfig) -> None:
 
 def prepare(config: RigConfig) -> None:
     """Have the machine code of a simulated plant before a loop needs it: then it only has to be loaded."""
-    if driver_class(config.driver["kind"]).acts_on != "simulation" or is_plant_compiled():
+    kinds = config.simulation.kinds if config.simulation else ()
+    if driver_class(config.driver["kind"]).acts_on != "simulation" or is_plant_compiled(kinds):
         return
     if cache_folder() is None:
         told = "compiling the plant at each start: no folder to keep it in, set NUMBA_CACHE_DIR to one"
@@ -92,7 +93,7 @@ def prepare(config: RigConfig) -> None:
         return  # the loop does it, before it says that it is ready
     print("compiling the plant (once)", flush=True)  # noqa: T201 - likewise
     try:
-        compile_plant()
+        compile_plant(kinds)
     except subprocess.CalledProcessError as error:
         raise LaunchError("the simulated plant cannot be compiled, see above") from error
 

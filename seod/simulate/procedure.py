@@ -97,9 +97,12 @@ class Simulation:
     @property
     def compiled_parts(self) -> list[str]:
         """Functions of the kernel that it calls."""
-        relay = ["runs.sampled_relay"] if self.signal is None else []
+        room, loop = (
+            ("runs", "sampled_relay") if self.view.plant.hydraulic is None else ("closed_loop", "relay")
+        )
+        relay = [f"{room}.{loop}"] if self.signal is None else []
         held = self.signal is not None or self.experiment.approach is not None
-        return relay + (["runs.follow"] if held else [])
+        return relay + ([f"{room}.follow"] if held else [])
 
     def run(self) -> dict[str, Array]:
         """The recording's columns, in SI.
