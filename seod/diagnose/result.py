@@ -21,6 +21,7 @@ RELEVANCE: Final = 0.02
 of its range, about what gains and calibrations of sensors are off by themselves."""
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.int64]
 Output = Literal["position", "velocity"]
 Hold = Literal["zero", "first"]
 """A command that holds until the next, or one that runs straight on to it."""

@@ -76,13 +76,13 @@ def of_estimate(estimate: Mapping[str, Any] | None) -> dict[str, float] | None:
     """The advice of an estimate message's `zeta`, `omega_n`, `K_L`, `delay_s`; None where it is not valid."""
     if estimate is None or estimate["quality"] != "ok":
         return None
-    told: list[Any] = [estimate.get(name) for name in ("omega_n", "zeta", "K_L")]
-    if None in told:
+    values: list[Any] = [estimate.get(name) for name in ("omega_n", "zeta", "K_L")]
+    if None in values:
         return None
     value = {
-        "omega_n": told[0],
-        "zeta": told[1],
-        "K_L": abs(told[2]),
+        "omega_n": values[0],
+        "zeta": values[1],
+        "K_L": abs(values[2]),
         "delay": estimate.get("delay_s") or 0.0,
     }
     sd = {name: estimate.get(f"{name}_sd") or 0.0 for name in value}

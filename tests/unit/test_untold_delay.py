@@ -122,9 +122,9 @@ class Told:
 def test_only_windows_without_common_samples_hear_of_each_other():
     memory = DelayMemory(Known(0.0, 1e-3), 0.0)
     assert memory.before(0.0, 1.0) == Known(0.0, 1e-3)
-    memory.learn(Told(0.0, 1.0, memory.told, 3e-4, 2e-4))
+    memory.learn(Told(0.0, 1.0, memory.prior, 3e-4, 2e-4))
     assert memory.before(0.5, 1.5) == Known(0.0, 1e-3)
-    memory.learn(Told(0.5, 1.5, memory.told, 9e-4, 1.9e-4))  # hardly more than the one before
+    memory.learn(Told(0.5, 1.5, memory.prior, 9e-4, 1.9e-4))  # hardly more than the one before
     assert memory.before(1.0, 2.0) == Known(3e-4, pytest.approx(2e-4))
     memory.learn(Told(1.0, 2.0, memory.known, 4e-4, 1e-4))
     assert memory.before(1.5, 2.5).value == 3e-4
@@ -133,15 +133,15 @@ def test_only_windows_without_common_samples_hear_of_each_other():
 
 def test_a_window_that_tells_more_takes_the_place_of_one_that_waits():
     memory = DelayMemory(Known(0.0, 1e-3), 0.0)
-    memory.learn(Told(0.0, 1.0, memory.told, 3e-4, 4e-4))
-    memory.learn(Told(0.2, 1.5, memory.told, 5e-4, 1e-4))
+    memory.learn(Told(0.0, 1.0, memory.prior, 3e-4, 4e-4))
+    memory.learn(Told(0.2, 1.5, memory.prior, 5e-4, 1e-4))
     assert memory.before(1.2, 2.0) == Known(0.0, 1e-3)
     assert memory.before(1.5, 2.0) == Known(5e-4, pytest.approx(1e-4))
 
 
 def test_what_is_known_of_a_delay_fades_but_to_what_was_told():
     memory = DelayMemory(Known(0.0, 1e-3), 1e-4)
-    memory.learn(Told(0.0, 1.0, memory.told, 3e-4, 1e-4))
+    memory.learn(Told(0.0, 1.0, memory.prior, 3e-4, 1e-4))
     assert memory.before(1.0, 10.0).sd == pytest.approx(1e-4 * math.sqrt(10.0))
     assert memory.before(1.0, 1e6).sd == 1e-3
 
@@ -149,7 +149,7 @@ def test_what_is_known_of_a_delay_fades_but_to_what_was_told():
 @pytest.mark.parametrize("sd", [0.0, math.inf])
 def test_nothing_is_kept_of_a_delay_that_is_certain_or_unknown(sd):
     memory = DelayMemory(Known(2e-4, sd), 1e-4)
-    memory.learn(Told(0.0, 1.0, memory.told, 3e-4, 1e-4))
+    memory.learn(Told(0.0, 1.0, memory.prior, 3e-4, 1e-4))
     assert memory.before(5.0, 6.0) == Known(2e-4, sd)
 
 
@@ -159,12 +159,12 @@ def test_a_contradiction_is_judged_by_what_the_window_itself_tells():
     told = Told(0.0, 1.0, before, 3e-4 + 3.5e-4, 1.6e-4)
     assert not memory.contradicts(told)  # 2.9 deviations
     assert memory.contradicts(Told(0.0, 1.0, before, 3e-4 + 5e-4, 1.6e-4))
-    assert not memory.contradicts(Told(0.0, 1.0, memory.told, 9e-3, 1e-4))  # nothing was handed to it
+    assert not memory.contradicts(Told(0.0, 1.0, memory.prior, 9e-3, 1e-4))  # nothing was handed to it
 
 
 def test_time_that_runs_back_forgets():
     memory = DelayMemory(Known(0.0, 1e-3), 0.0)
-    memory.learn(Told(10.0, 11.0, memory.told, 3e-4, 1e-4))
+    memory.learn(Told(10.0, 11.0, memory.prior, 3e-4, 1e-4))
     assert memory.before(11.0, 12.0).value == 3e-4
     assert memory.before(1.0, 2.0) == Known(0.0, 1e-3)
 

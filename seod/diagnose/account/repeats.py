@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.record.series import Series
-    from seod.diagnose.record.windows import Rows
-    from seod.diagnose.result import Array
+    from seod.diagnose.result import Array, Rows
 
 
 class Cycle(NamedTuple):

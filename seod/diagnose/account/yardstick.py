@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.residual import Share
     from seod.diagnose.fitting.held_out import HeldOut
-    from seod.diagnose.record.windows import Cut, Rows
-    from seod.diagnose.result import Array, Mask
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array, Mask, Rows
 
 
 class Run(NamedTuple):

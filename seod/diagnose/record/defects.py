@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     from seod.data import Recording
     from seod.diagnose.record.held_readings import Held
-    from seod.diagnose.record.windows import Rows
-    from seod.diagnose.result import Array, Mask
+    from seod.diagnose.result import Array, Mask, Rows
 
 _LARGEST: Final = 1e100
 

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.data import Recording
-    from seod.diagnose.record.windows import Rows
-    from seod.diagnose.result import Array, Hold, Mask
+    from seod.diagnose.result import Array, Hold, Mask, Rows
 
 
 @dataclass(frozen=True, slots=True)

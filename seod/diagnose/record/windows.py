@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from seod.diagnose.result import DiagnoseError
@@ -18,9 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from seod.diagnose.record.series import Series
-    from seod.diagnose.result import Array, Mask
-
-Rows = NDArray[np.int64]
+    from seod.diagnose.result import Array, Mask, Rows
 
 
 @dataclass(frozen=True, slots=True)

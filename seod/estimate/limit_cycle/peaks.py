@@ -110,7 +110,9 @@ class PeaksEstimator(CycleEstimator):
         found = self._finder.update(row.t, self._filter.update(row.t, row.y))
         if found is None:
             return
-        if len(self._peaks) >= 2 and _swing(found, self._peaks[-1]) > 2.0 * _swing(*list(self._peaks)[-2:]):
+        if len(self._peaks) >= 2 and _peak_to_peak(found, self._peaks[-1]) > 2.0 * _peak_to_peak(
+            *list(self._peaks)[-2:]
+        ):
             last = self._peaks[-1]
             self._peaks.clear()  # what came before was noise, or the start
             self._peaks.append(last)
@@ -149,5 +151,5 @@ class PeaksEstimator(CycleEstimator):
         return sum(first_order(each, frequency).delay for each in lags) or None
 
 
-def _swing(a: Peak, b: Peak) -> float:
+def _peak_to_peak(a: Peak, b: Peak) -> float:
     return abs(a.y - b.y)

@@ -26,7 +26,7 @@ SHARPER: Final = 0.8
 """Part of a standard deviation that another must be below to take its place."""
 
 
-class _Told(NamedTuple):
+class _Learned(NamedTuple):
     """What was known when the samples up to `t` [s] had told theirs."""
 
     t: float
@@ -37,20 +37,20 @@ class DelayMemory:
     """Hands what windows tell of the delay on to windows that share no sample with them.
 
     Args:
-        told: The delay as it is known beforehand [s]. If it is certain, or not known at all, each window
+        prior: The delay as it is known beforehand [s]. If it is certain, or not known at all, each window
             stands alone.
         wander: Standard deviation of the delay's random walk after one second [s].
     """
 
-    def __init__(self, told: Known, wander: float) -> None:
-        self.told = told
+    def __init__(self, prior: Known, wander: float) -> None:
+        self.prior = prior
         self._variance_rate = wander**2
         self.forget()
 
     @property
     def keeps(self) -> bool:
         """Whether there is anything to learn, and anything to begin with."""
-        return 0.0 < self.told.sd < math.inf
+        return 0.0 < self.prior.sd < math.inf
 
     @property
     def known(self) -> Known:
@@ -59,11 +59,11 @@ class DelayMemory:
 
     def forget(self) -> None:
         """Only what was known beforehand is left."""
-        self._settled = self._newest = _Told(-math.inf, self.told)
+        self._settled = self._newest = _Learned(-math.inf, self.prior)
 
     def inherit(self, other: DelayMemory) -> None:
         """Go on with what another has learnt, if it began with the same value."""
-        if self.keeps and other.keeps and self.told.value == other.told.value:
+        if self.keeps and other.keeps and self.prior.value == other.prior.value:
             self._settled, self._newest = other._settled, other._newest
 
     def before(self, begin: float, end: float) -> Known:
@@ -74,9 +74,9 @@ class DelayMemory:
             self._settled = self._newest
         t, known = self._settled
         if math.isinf(t):
-            return self.told
+            return self.prior
         variance = known.sd**2 + self._variance_rate * (end - t)
-        return Known(known.value, min(math.sqrt(variance), self.told.sd))
+        return Known(known.value, min(math.sqrt(variance), self.prior.sd))
 
     def learn(self, answer: Answer) -> None:
         """Take what a window told, unless it shares samples with one that told as much.
@@ -85,17 +85,17 @@ class DelayMemory:
         takes the place of one that is not yet handed on.
         """
         begin, end = float(answer.window.t[0]), float(answer.window.t[-1])
-        told = Known(answer.fit.delay, answer.sd("delay"))
+        shown = Known(answer.fit.delay, answer.sd("delay"))
         waiting = self._newest is not self._settled
         if self.keeps and (
-            begin >= self._newest.t or (waiting and told.sd < SHARPER * self._newest.known.sd)
+            begin >= self._newest.t or (waiting and shown.sd < SHARPER * self._newest.known.sd)
         ):
-            self._newest = _Told(end, told)
+            self._newest = _Learned(end, shown)
 
     def contradicts(self, answer: Answer) -> bool:
         """Whether an answer's own samples say another delay than was handed to it."""
         before = answer.window.delay
-        if not self.keeps or before == self.told:
+        if not self.keeps or before == self.prior:
             return False
         freed = before.sd**2 - answer.sd("delay") ** 2
         return (answer.fit.delay - before.value) ** 2 > SURPRISE * max(freed, 0.0)

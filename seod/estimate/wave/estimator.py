@@ -50,8 +50,8 @@ class WaveEstimator(CycleEstimator):
     takes_second_phase: ClassVar[bool] = True
 
     def __init__(self, settings: EstimatorSettings) -> None:
-        told = Known(settings.delay_s, settings.delay_sd)
-        self.delays = DelayMemory(told, WANDER * settings.period_s)
+        prior = Known(settings.delay_s, settings.delay_sd)
+        self.delays = DelayMemory(prior, WANDER * settings.period_s)
         """Outlives a reset: another excitation finds the same delay."""
         super().__init__(settings)
 
@@ -127,7 +127,7 @@ class WaveEstimator(CycleEstimator):
         answer = self._best(window)
         if answer is not None and self.delays.contradicts(answer):
             self.delays.forget()
-            answer = self._best(replace(window, delay=self.delays.told))
+            answer = self._best(replace(window, delay=self.delays.prior))
         return answer
 
     def _best(self, window: Window) -> Answer | None:

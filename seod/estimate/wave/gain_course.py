@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 STEADY: Final = 1e-3
 """Part by which a gain may change within a window and still be one."""
-PIECES: Final = 8
+SEGMENTS: Final = 8
 """Into which the window's average half cycle is cut for one that does not."""
 
 
@@ -33,7 +33,7 @@ def under_one_gain(t_u: Array, u: Array, K_L: Array, middle: float) -> tuple[Arr
     since = t_u - t_u.mean()
     slope = float(since @ (K_L - mean) / (since @ since))
     here = mean + slope * (middle - float(t_u.mean()))
-    cut = np.union1d(t_u, np.linspace(t_u[0], t_u[-1], PIECES * len(t_u)))
+    cut = np.union1d(t_u, np.linspace(t_u[0], t_u[-1], SEGMENTS * len(t_u)))
     centre = cut + 0.5 * np.diff(cut, append=2.0 * cut[-1] - cut[-2])
     held = u[np.searchsorted(t_u, cut, side="right") - 1]
     return cut, held * (1.0 + slope / here * (centre - middle)), here

@@ -71,7 +71,7 @@ def _deviations(window: Window, theta: Array, changes: slice, gain: float) -> tu
     gram, gradient = here.gram - known, here.jacobian @ here.white
     at, sd = here.weights[-count:], late.sd
     fixed = len(gram) - count
-    told = 0.0
+    identified = 0.0
     for _ in range(ITERATIONS):
         precision[-count:] = sd**-2
         pull = here.pull / search.sigma_before**2
@@ -79,10 +79,10 @@ def _deviations(window: Window, theta: Array, changes: slice, gain: float) -> tu
         covariance = np.linalg.pinv(gram / sigma**2 + np.diag(precision), hermitian=True)
         step = covariance @ (gradient / sigma**2 + pull)
         times = at + step[-count:]
-        told = count - float(np.trace(covariance[-count:, -count:])) / sd**2
-        if told < NONE_OF_IT:
+        identified = count - float(np.trace(covariance[-count:, -count:])) / sd**2
+        if identified < NONE_OF_IT:
             return None
-        sd = math.sqrt(float(times @ times) / told)
-        left = here.white - step @ here.jacobian
-        sigma = math.sqrt(float(left @ left) / max(len(left) - fixed - told, 1.0))
-    return late._replace(sd=sd * (1.0 + FEW / told)), sigma
+        sd = math.sqrt(float(times @ times) / identified)
+        residual = here.white - step @ here.jacobian
+        sigma = math.sqrt(float(residual @ residual) / max(len(residual) - fixed - identified, 1.0))
+    return late._replace(sd=sd * (1.0 + FEW / identified)), sigma

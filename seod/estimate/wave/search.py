@@ -190,11 +190,11 @@ class Search:
         if not self.window.K_L.certain:
             known[0] = self.window.K_L.value
         inverse = _inverse(gram + np.diag(prior))
-        weights, left = np.zeros(len(a)), b
+        weights, rest = np.zeros(len(a)), b
         for _ in range(2):
-            weights = weights + inverse @ (a @ left + prior * (known - weights))
-            left = b - weights @ a
-        return weights, left
+            weights = weights + inverse @ (a @ rest + prior * (known - weights))
+            rest = b - weights @ a
+        return weights, rest
 
     def precision(self, count: int) -> Array:
         """What is known beforehand of the `count` linear unknowns: 1 / variance."""
@@ -269,19 +269,19 @@ class Search:
         for part in SPLITS:
             newer = slice(int(part * len(white)), None)
             across = jacobian[:2, newer] @ jacobian[:, newer].T
-            left = across[:, :2] - across @ inverse @ across.T
+            own = across[:, :2] - across @ inverse @ across.T
             score = jacobian[:2, newer] @ white[newer] - across @ inverse @ (jacobian @ white)
-            best = max(best, (float(score @ _inverse(left) @ score) / variance, part))
+            best = max(best, (float(score @ _inverse(own) @ score) / variance, part))
         return best
 
 
 def _inverse(gram: Array) -> Array:
     """Of a positive semidefinite matrix, scaled to ones on its diagonal; what it does not tell stays at 0."""
     scale = np.sqrt(gram.diagonal())
-    told = scale > ROUNDING * scale.max()
-    factors = 1.0 / np.where(told, scale, np.inf)
+    identified = scale > ROUNDING * scale.max()
+    factors = 1.0 / np.where(identified, scale, np.inf)
     both = np.outer(factors, factors)
-    return np.asarray(np.linalg.inv(gram * both + np.diag(np.where(told, 1e-14, 1.0))) * both)
+    return np.asarray(np.linalg.inv(gram * both + np.diag(np.where(identified, 1e-14, 1.0))) * both)
 
 
 def _roughness(y: Array) -> float:
