@@ -11,7 +11,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route, WebSocketRoute
 
 from seod.panel.page_socket import PageSocket
-from seod.panel.sessions import COOKIE, LIFE_S, Session, is_ours, is_same_origin
+from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
 from seod.panel.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
@@ -158,7 +158,7 @@ class Pages:
             return PlainTextResponse("only the panel's own page may log out", 403)
         self._panel.sessions.end(request.cookies)
         answer = RedirectResponse("/login", 303)
-        answer.delete_cookie(COOKIE)
+        answer.delete_cookie(self._panel.sessions.cookie)
         return answer
 
     async def about(self, request: Request) -> Response:
@@ -193,6 +193,22 @@ class Pages:
             "output": axis.limits.output,
         }
 
+    async def estop(self, request: Request) -> Response:
+        """An e-stop from a page whose WebSocket does not answer."""
+        session = self.session(request)
+        if session is None or not self.of_our_page(request, session):
+            return JSONResponse({"error": "only the panel's own page may ask for it"}, 403)
+        peer = ("?", 0) if request.client is None else (request.client.host, request.client.port)
+        uplink = Uplink(self._panel.way, peer, lambda *_: None)
+        try:
+            await uplink.open(session.token)
+            await uplink.call("estop")
+        except RpcError as error:
+            return JSONResponse({"error": error.message}, 503)
+        finally:
+            await uplink.close()
+        return JSONResponse({"ok": True})
+
     async def file(self, request: Request) -> Response:
         """Style, scripts."""
         return self._file(request.path_params["name"])
@@ -218,7 +234,8 @@ class Pages:
     def _begin(self, answer: Response, session: Session) -> None:
         key = self._panel.sessions.begin(session)
         secure = self._scheme == "https"
-        answer.set_cookie(COOKIE, key, max_age=int(LIFE_S), httponly=True, samesite="strict", secure=secure)
+        name, age = self._panel.sessions.cookie, int(LIFE_S)
+        answer.set_cookie(name, key, max_age=age, httponly=True, samesite="strict", secure=secure)
 
     async def _rights(self, token: str, host: str) -> dict[str, bool]:
         """What the gateway allows who has this token."""
@@ -249,6 +266,7 @@ def make_app(panel: Panel, scheme: str) -> ASGIApp:
         Route("/login", pages.login_page),
         Route("/login", pages.login, methods=["POST"]),
         Route("/logout", pages.logout, methods=["POST"]),
+        Route("/estop", pages.estop, methods=["POST"]),
         Route("/api/about", pages.about),
         Route("/static/{name}", pages.file),
         WebSocketRoute("/ws", pages.socket),

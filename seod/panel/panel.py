@@ -74,6 +74,12 @@ class Panel:
                 history.add(rows["tick_t"], block, block["flags"] & FLAG_FRESH != 0)
 
     @property
+    def newest_t(self) -> float:
+        """Time of the newest row's tick [s]; 0 before there is one."""
+        times = [history.time for history in self.histories.values()]
+        return max((float(time[-1]) for time in times if len(time)), default=0.0)
+
+    @property
     def rows_age_s(self) -> float:
         """Since when no rows have come [s]."""
         return time.monotonic() - self._last_rows
@@ -81,6 +87,7 @@ class Panel:
     def status(self) -> dict[str, Any]:
         """What every page is told five times a second."""
         return {
+            "t": self.newest_t,
             "rows_age_s": self.rows_age_s,
             "stale": self.rows_age_s > STALE_S,
             "gateway": self.house.connected,

@@ -96,6 +96,7 @@ class Serving:
         try:
             if server.panel or server.foxglove:
                 opened = listening(server.host, panel_port(server), "panel_port")
+                self._panel.sessions.cookie = f"seod_session_{opened.getsockname()[1]}"
                 tasks.append(asyncio.create_task(self._serve_http(opened, context)))
                 listens.append(f"panel on {address(opened, context)}")
             send_json(link, {"panel": "ready", "listens": listens})

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-COOKIE: Final = "seod_session"
 LIFE_S: Final = 12 * 3600.0
 """A session ends this long after its login."""
 MOST: Final = 200
@@ -50,6 +49,8 @@ class Sessions:
     """All of them, by the value of their cookie."""
 
     def __init__(self) -> None:
+        self.cookie = "seod_session"
+        """The cookie's name; it has the port in it, for browsers send cookies to all ports of a computer."""
         self._sessions: dict[str, Session] = {}
         self._wrong: Counter[str] = Counter()
         self._wrong_since = time.monotonic()
@@ -64,7 +65,7 @@ class Sessions:
 
     def find(self, cookies: Mapping[str, str]) -> Session | None:
         """The session of a request, if it has one that still lives."""
-        key = cookies.get(COOKIE, "")
+        key = cookies.get(self.cookie, "")
         session = self._sessions.get(key)
         if session is not None and time.monotonic() - session.born > LIFE_S:
             del self._sessions[key]
@@ -73,7 +74,7 @@ class Sessions:
 
     def end(self, cookies: Mapping[str, str]) -> None:
         """Log out."""
-        self._sessions.pop(cookies.get(COOKIE, ""), None)
+        self._sessions.pop(cookies.get(self.cookie, ""), None)
 
     def must_wait(self, host: str) -> bool:
         """Whether a computer has given too many wrong tokens of late."""

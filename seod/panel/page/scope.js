@@ -23,6 +23,8 @@ export class Scope {
     this.waiting = [];
     this.drawing = false;
     this.number = 0;
+    this.clock = 0;
+    wire.hear("panel", (status) => { this.clock = status.t; });
     for (const id of ["span", "mode"]) at(id).onchange = () => this.begin();
     at("again").onclick = () => this.begin();
     at("pause").onclick = () => (this.paused ? this.resume() : this.pause());
@@ -99,7 +101,7 @@ export class Scope {
   async pause() {
     this.paused = true;
     at("pause").textContent = "Go on"; at("pause").setAttribute("aria-pressed", "true");
-    const newest = await this.newest();
+    const newest = this.clock;
     this.past = new Map();
     this.plots = [];
     this.begin();
@@ -110,12 +112,6 @@ export class Scope {
     at("strips").hidden = true; at("past").hidden = false;
     this.build();
     this.drawPast();
-  }
-
-  async newest() {
-    const status = await this.wire.ask("history", { axis: this.shown[0] || this.names[0], start: 0, end: 0, columns: 1, number: 0 })
-      .then(() => this.clock, () => this.clock);
-    return status;
   }
 
   async fetch(name, newest) {
