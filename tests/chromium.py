@@ -6,17 +6,17 @@ import shutil
 import tempfile
 import time
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from selenium.webdriver import Chrome, ChromeOptions, ChromeService
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars",
 )  # fmt: skip
 PATIENCE_S = 30.0
 
@@ -46,7 +46,8 @@ class Page:
             if found:
                 return found
             if time.monotonic() > end:
-                raise AssertionError(f"{why}; link: {self.text('link')!r}; said: {self.text('said')!r}; {self.complaints()}")
+                seen = [self.text(each) for each in ("link", "state", "said", "alert")]
+                raise AssertionError(f"{why}; {seen}; {self.complaints()}")
             time.sleep(0.05)
 
     def until_text(self, element: str, part: str, patience_s: float = PATIENCE_S) -> None:
@@ -59,8 +60,12 @@ class Page:
         field.send_keys(value)
 
     def complaints(self) -> list[str]:
-        """What the console has told since the last call: errors of scripts, refusals of the policy."""
-        return [each["message"] for each in self.driver.get_log("browser") if each["level"] in {"SEVERE", "WARNING"}]
+        """What the console has told since the last call."""
+        return [
+            each["message"]
+            for each in self.driver.get_log("browser")
+            if each["level"] in {"SEVERE", "WARNING"}
+        ]
 
     def picture(self, path: Path) -> None:
         self.driver.save_screenshot(str(path))

@@ -10,8 +10,10 @@ from starlette.applications import Starlette
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
+from seod.panel.files import Files
 from seod.panel.page_socket import PageSocket
 from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
+from seod.panel.units import measured_unit
 from seod.panel.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
@@ -187,7 +189,7 @@ class Pages:
         return {
             "mode": axis.mode,
             "command_unit": axis.command_unit,
-            "unit": units["hysteresis"] + ("/s" if axis.mode == "velocity" else ""),
+            "unit": measured_unit(axis),
             "signal_unit": units["hysteresis"],
             "units": units,
             "output": axis.limits.output,
@@ -258,10 +260,21 @@ async def body_of(request: Request, most: int) -> str:
     return data[:most].decode(errors="replace")
 
 
-def make_app(panel: Panel, scheme: str) -> ASGIApp:
-    """All that is served over HTTP."""
+def make_app(panel: Panel, scheme: str) -> tuple[ASGIApp, Files]:
+    """All that is served over HTTP, and what has files and processes to let go of in the end."""
     pages = Pages(panel, scheme)
+    own = Files(panel, pages.session, pages.of_our_page)
     routes = [
+        Route("/api/recordings", own.recordings),
+        Route("/api/recordings/{name}", own.recording),
+        Route("/api/recordings/{name}/rows", own.rows),
+        Route("/api/jobs", own.begin_job, methods=["POST"]),
+        Route("/api/jobs/{number:int}", own.job),
+        Route("/api/jobs/{number:int}", own.cancel_job, methods=["DELETE"]),
+        Route("/api/jobs/{number:int}/files/{name}", own.job_file),
+        Route("/api/rigfile", own.rig_file),
+        Route("/api/rigfile", own.save_rig, methods=["PUT"]),
+        Route("/api/rigfile/check", own.check_rig, methods=["POST"]),
         Route("/", pages.page),
         Route("/login", pages.login_page),
         Route("/login", pages.login, methods=["POST"]),
@@ -271,4 +284,4 @@ def make_app(panel: Panel, scheme: str) -> ASGIApp:
         Route("/static/{name}", pages.file),
         WebSocketRoute("/ws", pages.socket),
     ]
-    return Guarded(Starlette(routes=routes), panel.config.server.host)
+    return Guarded(Starlette(routes=routes), panel.config.server.host), own

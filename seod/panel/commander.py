@@ -20,6 +20,10 @@ class Client(Protocol):
     def name(self) -> str:
         """What others know it by."""
 
+    @property
+    def session(self) -> object:
+        """Who it is; what it has begun beside its connection may command while it does."""
+
 
 class Commander:
     """Holds who commands now."""
@@ -30,6 +34,11 @@ class Commander:
         """Who commanded before it was last taken over."""
         self.told: Callable[[str], None] = lambda _: None
         """Called with a sentence when it changes."""
+
+    @property
+    def now(self) -> Client | None:
+        """Who commands."""
+        return self._now
 
     def check(self, client: Client, method: str) -> None:
         """Let a command through; the first who commands becomes commander.

@@ -64,6 +64,11 @@ class AxisHistory:
         return self._time[max(0, self._end - self._rows) : self._end]
 
     @property
+    def newest_t(self) -> float:
+        """Time of the newest tick [s]; 0 before the first."""
+        return float(self._time[self._end - 1]) if self._end else 0.0
+
+    @property
     def fresh(self) -> NDArray[np.bool_]:
         """Whether a sample came for the tick, shape (n,)."""
         return self._fresh[max(0, self._end - self._rows) : self._end]

@@ -84,6 +84,11 @@ class PageSocket:
         """What others know it by."""
         return f"the page at {self._peer[0]}:{self._peer[1]}"
 
+    @property
+    def session(self) -> Session:
+        """Who it is."""
+        return self._session
+
     async def serve(self) -> None:
         """Until the page goes."""
         self._panel.pages.add(self)

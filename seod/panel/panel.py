@@ -76,8 +76,7 @@ class Panel:
     @property
     def newest_t(self) -> float:
         """Time of the newest row's tick [s]; 0 before there is one."""
-        times = [history.time for history in self.histories.values()]
-        return max((float(time[-1]) for time in times if len(time)), default=0.0)
+        return max(history.newest_t for history in self.histories.values())
 
     @property
     def rows_age_s(self) -> float:

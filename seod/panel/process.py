@@ -119,8 +119,9 @@ class Serving:
             ended.cancel()
 
     async def _serve_http(self, opened: socket.socket, context: ssl.SSLContext | None) -> None:
+        app, files = make_app(self._panel, "http" if context is None else "https")
         config = uvicorn.Config(
-            make_app(self._panel, "http" if context is None else "https"),
+            app,
             ws="websockets-sansio",
             ws_max_size=LARGEST_MESSAGE,
             ws_per_message_deflate=False,
@@ -134,8 +135,11 @@ class Serving:
         config.load()
         config.ssl = context
         self._server = QuietServer(config)
-        with opened:
-            await self._server.serve(sockets=[opened])
+        try:
+            with opened:
+                await self._server.serve(sockets=[opened])
+        finally:
+            await files.jobs.close()
 
 
 def address(opened: socket.socket, context: ssl.SSLContext | None) -> str:
