@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs
 
+from prometheus_client import CollectorRegistry
+from prometheus_client.exposition import choose_encoder
 from starlette.applications import Starlette
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
 from seod.panel.files import Files
+from seod.panel.metrics import RigCollector
 from seod.panel.page_socket import PageSocket
 from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
 from seod.panel.units import measured_unit
@@ -107,6 +111,10 @@ class Pages:
         self._panel, self._scheme = panel, scheme
         server = panel.config.server
         self._needs_token = server.read_token is not None or server.command_token is not None
+        self._registry = CollectorRegistry()
+        self._registry.register(RigCollector(panel))
+        self._bearers: set[bytes] = set()
+        """Digests of tokens that may read, as the gateway has said."""
         self._files = {
             each.name: each.read_bytes()
             for each in (files("seod.panel") / "page").iterdir()
@@ -211,6 +219,27 @@ class Pages:
             await uplink.close()
         return JSONResponse({"ok": True})
 
+    async def metrics(self, request: Request) -> Response:
+        """For Prometheus: free where no token is asked for, else for a session or a bearer of a token."""
+        bearer = request.headers.get("authorization", "").removeprefix("Bearer ").strip()
+        allowed = not self._needs_token or self.session(request) is not None
+        if not allowed and not (bearer and await self._may_read(bearer, request)):
+            return PlainTextResponse("a token of the rig file, please", 401, {"www-authenticate": "Bearer"})
+        encode, content_type = choose_encoder(request.headers.get("accept", ""))
+        return Response(encode(self._registry), headers={"content-type": content_type})
+
+    async def _may_read(self, token: str, request: Request) -> bool:
+        host = "?" if request.client is None else request.client.host
+        if self._panel.sessions.must_wait(host):
+            return False
+        known = hashlib.sha256(token.encode()).digest()
+        if known not in self._bearers:
+            if not (await self._rights(token, host))["read"]:
+                self._panel.sessions.was_wrong(host)
+                return False
+            self._bearers.add(known)
+        return True
+
     async def file(self, request: Request) -> Response:
         """Style, scripts."""
         return self._file(request.path_params["name"])
@@ -279,6 +308,7 @@ def make_app(panel: Panel, scheme: str) -> tuple[ASGIApp, Files]:
         Route("/login", pages.login_page),
         Route("/login", pages.login, methods=["POST"]),
         Route("/logout", pages.logout, methods=["POST"]),
+        Route("/metrics", pages.metrics),
         Route("/estop", pages.estop, methods=["POST"]),
         Route("/api/about", pages.about),
         Route("/static/{name}", pages.file),

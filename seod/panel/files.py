@@ -39,7 +39,7 @@ SHOWN_ROWS: Final = 200_000
 """Rows of a recording that a page gets to replay."""
 SUFFIXES: Final = (".mcap", ".csv", ".gz", ".parquet", ".mat", ".mf4")
 REPORT_POLICY: Final = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-hashes' {styles}"
-"""Of a report: it is looked at as a page of nobody, without scripts; its own styles are named by their hashes."""
+"""Of a report: a page of nobody, without scripts, whose own styles are named by their hashes."""
 _STYLES: Final = re.compile(r"<style>(.*?)</style>|style=\"([^\"]*)\"", re.DOTALL)
 
 

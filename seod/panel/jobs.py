@@ -196,6 +196,13 @@ class Jobs:
         self._forget_oldest()
         return number
 
+    def _check_commander(self, session: Session) -> None:
+        if not session.command:
+            raise JobError("a frequency response needs the right to command")
+        now = self._panel.commander.now
+        if now is not None and now.session is not session:
+            raise JobError(f"{now.name} commands at present: take over first")
+
     def _command(self, asked: Asked, history: AxisHistory, folder: Path, recording: Path | None) -> list[str]:
         seod, rig = [sys.executable, "-m", "seod.cli"], str(self._panel.rig_file)
         if asked.kind == "response":
