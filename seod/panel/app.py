@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route, WebSocketRoute
 
 from seod.panel.files import Files
+from seod.panel.foxglove import FoxgloveSocket, choose_protocol
 from seod.panel.metrics import RigCollector
 from seod.panel.page_socket import PageSocket
 from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
@@ -228,7 +229,7 @@ class Pages:
         encode, content_type = choose_encoder(request.headers.get("accept", ""))
         return Response(encode(self._registry), headers={"content-type": content_type})
 
-    async def _may_read(self, token: str, request: Request) -> bool:
+    async def _may_read(self, token: str, request: HTTPConnection) -> bool:
         host = "?" if request.client is None else request.client.host
         if self._panel.sessions.must_wait(host):
             return False
@@ -255,6 +256,27 @@ class Pages:
             return
         await socket.accept(PROTOCOL)
         await PageSocket(self._panel, socket, session).serve()
+
+    async def foxglove(self, socket: WebSocket) -> None:
+        """Live topics for Foxglove, Lichtblick and programs; a token comes as `?token=`."""
+        server = self._panel.config.server
+        origin = socket.headers.get("origin")
+        known = (
+            origin is None
+            or origin in server.foxglove_origins
+            or is_same_origin(socket.headers, self._scheme)
+        )
+        chosen = choose_protocol(socket.headers.get("sec-websocket-protocol", ""))
+        if not server.foxglove or not known or chosen is None or not await self._may_listen(socket):
+            await socket.close(1008)
+            return
+        await socket.accept(chosen)
+        await FoxgloveSocket(self._panel, socket).serve()
+
+    async def _may_listen(self, socket: WebSocket) -> bool:
+        token = socket.query_params.get("token", "")
+        free = not self._needs_token or self.session(socket) is not None
+        return free or (bool(token) and await self._may_read(token, socket))
 
     def _file(self, name: str) -> Response:
         data = self._files.get(name)
@@ -313,5 +335,6 @@ def make_app(panel: Panel, scheme: str) -> tuple[ASGIApp, Files]:
         Route("/api/about", pages.about),
         Route("/static/{name}", pages.file),
         WebSocketRoute("/ws", pages.socket),
+        WebSocketRoute("/foxglove", pages.foxglove),
     ]
     return Guarded(Starlette(routes=routes), panel.config.server.host), own

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from seod.observe.rows import RowReader
 from seod.panel.commander import Commander
@@ -19,14 +19,33 @@ if TYPE_CHECKING:
     import socket
     from pathlib import Path
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from seod.config.model import RigConfig, ServerConfig
-    from seod.panel.page_socket import PageSocket
     from seod.processes.ring import Shared
 
 POLL_S: Final = 0.008
 """How often rows are taken."""
 STALE_S: Final = 0.5
 """Without rows for this long, what is shown is stale."""
+
+
+class Page(Protocol):
+    """An open page."""
+
+    def tell(self, text: str) -> None:
+        """Queue a notification."""
+
+
+class Listener(Protocol):
+    """Gets all rows, and all that the gateway tells; nothing here may wait."""
+
+    def rows(self, rows: NDArray[np.void]) -> None:
+        """Rows (dtype `seod.record.layout.row_dtype`) have come."""
+
+    def told(self, topic: str, params: dict[str, Any]) -> None:
+        """A notification has come."""
 
 
 class Panel:
@@ -48,7 +67,8 @@ class Panel:
         self.commander = Commander()
         self.commander.told = self._tell_commander
         self.sessions = Sessions()
-        self.pages: set[PageSocket] = set()
+        self.pages: set[Page] = set()
+        self.listeners: set[Listener] = set()
         self._reader = RowReader(shared, looks_on=True)
         self._last_rows = time.monotonic()
 
@@ -72,11 +92,18 @@ class Panel:
             for index, history in enumerate(self.histories.values()):
                 block = rows["axes"][:, index]
                 history.add(rows["tick_t"], block, block["flags"] & FLAG_FRESH != 0)
+            for listener in self.listeners:
+                listener.rows(rows)
 
     @property
     def newest_t(self) -> float:
         """Time of the newest row's tick [s]; 0 before there is one."""
         return max(history.newest_t for history in self.histories.values())
+
+    @property
+    def stale(self) -> bool:
+        """Whether what is shown is."""
+        return self.rows_age_s > STALE_S
 
     @property
     def rows_age_s(self) -> float:
@@ -88,7 +115,7 @@ class Panel:
         return {
             "t": self.newest_t,
             "rows_age_s": self.rows_age_s,
-            "stale": self.rows_age_s > STALE_S,
+            "stale": self.stale,
             "gateway": self.house.connected,
             "pages": len(self.pages),
             "axes": {name: self._axis(name, history) for name, history in self.histories.items()},
@@ -103,6 +130,8 @@ class Panel:
         }
 
     def _hand_on(self, topic: str, params: dict[str, Any]) -> None:
+        for listener in self.listeners:
+            listener.told(topic, params)
         if self.pages:
             text = json_text({"method": topic, "params": params})
             for page in self.pages:

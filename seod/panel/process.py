@@ -17,8 +17,10 @@ from seod.config.model import RigConfig
 from seod.gateway.server import ServerError, check_safe, tls_context
 from seod.panel.app import make_app
 from seod.panel.panel import Panel
+from seod.panel.scpi_rig import scpi_device
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, send_json
 from seod.processes.ring import Shared
+from seod.scpi.server import ScpiServer
 
 if TYPE_CHECKING:
     import ssl
@@ -99,6 +101,10 @@ class Serving:
                 self._panel.sessions.cookie = f"seod_session_{opened.getsockname()[1]}"
                 tasks.append(asyncio.create_task(self._serve_http(opened, context)))
                 listens.append(f"panel on {address(opened, context)}")
+            if server.scpi:
+                opened = listening(server.host, server.scpi_port, "scpi_port")
+                tasks.append(asyncio.create_task(ScpiServer(scpi_device(self._panel)).serve(opened, context)))
+                listens.append(f"SCPI on port {opened.getsockname()[1]}")
             send_json(link, {"panel": "ready", "listens": listens})
             await self._first_end(tasks)
         finally:
