@@ -18,7 +18,15 @@ from starlette.websockets import WebSocketDisconnect
 from seod.gateway.params import Params, read_params
 from seod.panel.uplink import Uplink
 from seod.panel.view import HistoryParams, View, ViewParams
-from seod.protocol.jsonrpc import INVALID_PARAMS, UNAUTHORISED, RpcError, hint, json_text, unknown_method
+from seod.protocol.jsonrpc import (
+    INVALID_PARAMS,
+    NO_ANSWER,
+    UNAUTHORISED,
+    RpcError,
+    hint,
+    json_text,
+    unknown_method,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -32,6 +40,8 @@ FRAME_S: Final = 1.0 / 60.0
 STATUS_S: Final = 0.2
 AGAIN_S: Final = 0.25
 """Between two attempts to reach the gateway."""
+REACH_S: Final = 3.0
+"""A question waits this long for the gateway to be reached."""
 QUEUED: Final = 400
 """Messages that wait for a page; notifications beyond are dropped, answers are not."""
 UNDER_WAY: Final = 16
@@ -65,7 +75,7 @@ class PageSocket:
         client = socket.client
         self._peer = ("?", 0) if client is None else (client.host, client.port)
         self._uplink: Uplink | None = None
-        self._gone = asyncio.Event()
+        self._gone, self._reached = asyncio.Event(), asyncio.Event()
         self._view = View(panel.histories, panel.period)
         self._out: deque[str | bytes] = deque()
         self._soon = asyncio.Event()
@@ -167,13 +177,20 @@ class PageSocket:
             return self._own[method](params)
         if method not in PASSED_ON:
             raise unknown_method(method, {*PASSED_ON, *self._own, "estop"})
+        await self._wait_for_uplink()
         if self._session.command:
             self._panel.commander.check(self, method)
         return await self._need_uplink().call(method, params)
 
+    async def _wait_for_uplink(self) -> None:
+        """A moment, for a page that has just been opened."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(REACH_S):
+                await self._reached.wait()
+
     def _need_uplink(self) -> Uplink:
         if self._uplink is None:
-            raise RpcError(UNAUTHORISED, "the gateway is not there at present")
+            raise RpcError(NO_ANSWER, "the gateway is not there at present")
         return self._uplink
 
     def _known(self, axis: str) -> str:
@@ -251,10 +268,12 @@ class PageSocket:
             try:
                 await uplink.open(self._session.token)
                 self._uplink = uplink
+                self._reached.set()
                 await self._gone.wait()
             except RpcError:  # not there yet
                 pass
             finally:
+                self._reached.clear()
                 self._uplink = None
                 await uplink.close()
             await asyncio.sleep(AGAIN_S)

@@ -1,7 +1,7 @@
 """Lines of SCPI into commands, without sockets: `SOUR:REL:AMPL 0.5 V,(@motor);HYST 4 mrad;:INIT`.
 
 Source: SCPI-1999, volume 1 (syntax), IEEE 488.2. After `;` a header goes on from where the last one
-stood, but for its last word; `:` in front starts at the root; common commands (`*RST`) change nothing of that.
+stood, but for its last word; `:` in front starts at the root; common commands (`*RST`) change nothing.
 """
 
 from __future__ import annotations

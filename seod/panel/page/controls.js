@@ -44,12 +44,14 @@ export class Controls {
 
   // The settings in force, and the newest estimate.
   async load() {
+    if (this.loading) return;
+    this.loading = true;
     try {
       const got = await this.wire.ask("get", { axis: this.axis });
       this.units = got.units;
       this.build(got.settings);
       if (got.estimate) this.tell(got.estimate);
-    } catch (error) { at("said").textContent = error.message; }
+    } catch (error) { at("said").textContent = error.message; } finally { this.loading = false; }
   }
 
   build(settings) {
@@ -58,7 +60,7 @@ export class Controls {
     for (const [name, value] of Object.entries(settings)) {
       const unit = this.units[name] ? ` [${this.units[name]}]` : "";
       const input = this.field(name, value);
-      input.id = `set-${name}`; input.oninput = () => this.edited.add(name);
+      input.id = `set-${name}`; input.oninput = input.onchange = () => this.edited.add(name);
       input.disabled = !this.about.command;
       this.fields.set(name, input);
       rows.push(make("label", { for: input.id }, (LABELS[name] || name) + unit), input);
@@ -102,6 +104,7 @@ export class Controls {
   status(status) {
     const { name, you } = status.commander;
     this.you = you;
+    if (status.reaches_gateway && !this.fields.size) this.load();
     at("commander").textContent = you ? "You command." : name ? `${name} commands.` : "Nobody commands.";
     at("take").disabled = you || !this.about.command;
     at("release").disabled = !you;
