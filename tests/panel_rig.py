@@ -68,7 +68,7 @@ def panel_daemon(folder: Path, server: str = "", scheme: str = "http") -> Iterat
     path.write_text(written)
     program = Program(path.with_name("log"), "run", path)
     try:
-        until("the panel", lambda: "SCPI on" in program.said() or program.process.poll() is not None)
+        until("the panel", lambda: "SCPI on" in program.said() or program.process.poll() is not None, 100)
         assert program.process.poll() is None, program.said()
         until("the gateway", lambda: "JSON-RPC on" in program.said())
         yield PanelRig(program, path, ports, scheme)

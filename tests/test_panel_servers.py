@@ -1,4 +1,4 @@
-"""What the panel's process serves beside its page, spoken to by programs of others; and who may not come in."""
+"""What the panel's process serves beside its page, spoken to by programs of others; who may not come in."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.processes
 
 READ, COMMAND = "read-token-of-sixteen", "command-token-of-sixteen"
+CHANGES = (("POST", "/estop"), ("POST", "/api/jobs"), ("PUT", "/api/rigfile"), ("POST", "/api/rigfile/check"))
 MONITORING = configs_dir() / "monitoring"
 
 
@@ -168,7 +169,7 @@ def test_pyvisa_measures_sets_and_stops(rig: PanelRig, instrument: MessageBasedR
     until("the relay", started)
     until("an estimate", lambda: instrument.query("MEAS:QUAL?") == "ok")
     assert abs(float(instrument.query("MEAS:ZETA? (@motor)")) - 0.21) < 0.02
-    zeta, zeta_sd, omega_n, *_ = instrument.query_ascii_values("FETC?", converter="s")
+    _, zeta_sd, omega_n, *_ = instrument.query_ascii_values("FETC?", converter="s")
     assert float(zeta_sd) > 0.0
     assert abs(float(omega_n) - 117.0) < 4.0
     assert float(instrument.query("SOUR:REL:AMPL?")) == 0.5
@@ -281,9 +282,7 @@ def test_only_our_own_page_may_change_anything(rig: PanelRig) -> None:
         {"cookie": "seod_session=x"},
     ):
         wrong = session | change
-        for method, path in (
-            ("POST", "/estop"), ("POST", "/api/jobs"), ("PUT", "/api/rigfile"), ("POST", "/api/rigfile/check"),
-        ):  # fmt: skip
+        for method, path in CHANGES:
             assert rig.ask(path, method, b"{}", **wrong)[0] == 403, (change, path)
     assert rig_state(rig) == "idle"
 
