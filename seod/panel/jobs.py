@@ -63,7 +63,7 @@ class Asked(BaseModel):
     recording: str | None = None
     effort: Literal["quick", "normal", "thorough"] = "quick"
     input: Literal["multisine", "sine"] = "multisine"
-    amplitude: Annotated[str, Field(pattern=r"^[0-9.eE+-]{0,12}$")] = ""
+    amplitude: Annotated[str, Field(pattern=r"^([0-9.][0-9.eE+-]{0,11})?$")] = ""
 
 
 class Job:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from prometheus_client.core import (
@@ -17,6 +15,7 @@ from prometheus_client.registry import Collector
 
 from seod import __version__
 from seod.estimate.base import QUALITIES
+from seod.panel.disk import disk_of
 from seod.processes.ring import AxisState, Word, bin_edges_us
 
 if TYPE_CHECKING:
@@ -152,19 +151,10 @@ class RigCollector(Collector):
         yield _gauge("seod_recorder_error", "Whether the recorder has a problem", bool(told.get("error")))
         yield _counter("seod_recorder_rows", "Rows in the recording", told.get("rows", 0))
         yield _counter("seod_recorder_rows_lost", "Rows that the recorder lost", told.get("lost", 0))
-        folder = self._folder(told)
-        if folder is not None:
-            used = shutil.disk_usage(folder)
-            yield _gauge("seod_disk_free_bytes", "Free on the disk of the recordings", used.free)
-            yield _gauge("seod_disk_size_bytes", "Size of that disk", used.total)
-
-    def _folder(self, recorder: dict[str, Any]) -> Path | None:
-        """Where recordings go, or would go."""
-        if recorder.get("file"):
-            return Path(recorder["file"]).parent
-        folder = self._panel.config.record.folder
-        path = self._panel.rig_file.parent / (folder or "")
-        return path if path.is_dir() else self._panel.rig_file.parent
+        disk = disk_of(self._panel)
+        if disk is not None:
+            yield _gauge("seod_disk_free_bytes", "Free on the disk of the recordings", disk.free)
+            yield _gauge("seod_disk_size_bytes", "Size of that disk", disk.size)
 
 
 def buckets(bins: list[int]) -> list[tuple[str, float]]:

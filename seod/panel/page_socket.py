@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from starlette.websockets import WebSocketDisconnect
 
 from seod.gateway.params import Params, read_params
+from seod.panel.disk import disk_of
 from seod.panel.uplink import Uplink
 from seod.panel.view import HistoryParams, View, ViewParams
 from seod.protocol.jsonrpc import (
@@ -256,7 +257,8 @@ class PageSocket:
     async def _tell_status(self) -> None:
         while True:
             status = {**self._panel.status(), "commander": self._panel.commander.seen_by(self)}
-            status["reaches_gateway"] = self._uplink is not None
+            disk = disk_of(self._panel)
+            status |= {"reaches_gateway": self._uplink is not None, "disk_free": disk and disk.free}
             self.tell(json_text({"method": "panel", "params": status}))
             await asyncio.sleep(STATUS_S)
 

@@ -130,6 +130,8 @@ class Panel:
         }
 
     def _hand_on(self, topic: str, params: dict[str, Any]) -> None:
+        if topic == "event" and (params["event"] == "started" or params.get("code") == "loop_died"):
+            self._reader.restart()  # another loop's ticks may count from anywhere
         for listener in self.listeners:
             listener.told(topic, params)
         if self.pages:

@@ -50,14 +50,13 @@ class PanelKeeper:
 
     def died(self, drop: Callable[[Child], None]) -> None:
         """It has ended: say why, and start it again unless it cannot listen."""
-        child, self.child = self.child, None
+        child = self.child
         if child is None:
             return
-        self.child = child
         self.hear()  # its last words may still be under way
         self.child = None
         why = child.end_of()
-        say(f"the panel {why}; the rig goes on without it" if child.failure else f"the panel process {why}")
+        say(f"the panel: {why}; the rig goes on without it" if child.failure else f"the panel process {why}")
         drop(child)
         if not child.failure and self._starts <= RESTARTS:
             self.start()

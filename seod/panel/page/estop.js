@@ -12,6 +12,7 @@ export function armEstop(wire, about, told) {
     const mine = ++number;
     button.classList.add("done");
     const sent = wire.ask("estop").then(() => true);
+    sent.catch(() => {}); // told below, if it comes in time
     const late = new Promise((resolve) => { setTimeout(() => resolve(false), AGAIN_MS); });
     try {
       if (!(await Promise.race([sent, late])) && mine === number) throw new Error("no answer yet");

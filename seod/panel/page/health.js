@@ -8,6 +8,8 @@ const EVENTS = 200;
 export class Health {
   constructor(wire) {
     this.visible = false; this.before = null; this.newest = null;
+    this.free = null;
+    wire.hear("panel", (status) => { this.free = status.disk_free; });
     this.edges = Array.from({ length: 64 }, (_, k) => 2 ** (k / 4));
     this.plot = new Plot(at("lateness"), 240, () => ({
       scales: { x: { time: false, distr: 3, log: 10 }, ticks: { distr: 3, log: 10 } },
@@ -54,6 +56,7 @@ export class Health {
       ["age of samples", `${figure(1e3 * health.sample_age_s, 3)} ms, at most ${figure(1e3 * health.sample_age_max_s, 3)} ms`],
       ["clients", `${clients.connected ?? "–"}, ${clients.waiting ?? 0} wait`],
       ...(recorder ? Object.entries(recorder).map(([name, value]) => [`recorder: ${name.replaceAll("_", " ")}`, String(value ?? "–")]) : [["recorder", "none"]]),
+      ["free disk", `${figure(this.free / 1e9, 4)} GB`],
       ...(bus ? Object.entries(bus).map(([name, value]) => [`bus log: ${name}`, String(value ?? "–")]) : []),
       ...Object.entries(counters).map(([name, value]) => [`driver: ${name.replaceAll("_", " ")}`, String(value)]),
     ]);

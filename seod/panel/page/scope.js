@@ -152,7 +152,9 @@ export class Scope {
       make("button", { type: "button", id: "zoom-out", onclick: zoom(2) }, "Zoom out"),
       make("button", { type: "button", id: "whole", onclick: () => this.move(this.from, this.to) }, "All"),
     ];
-    at("past").replaceChildren(make("p", { class: "row bar" }, ...buttons, scroll, this.read));
+    const marks = ["A", "B"].map((letter, number) => make("button", { type: "button", onclick: () => this.put(number, 0),
+      title: "Arrow keys move it, with shift by one sample", onkeydown: (event) => this.nudge(number, event) }, `Cursor ${letter}`));
+    at("past").replaceChildren(make("p", { class: "row bar" }, ...buttons, ...marks, scroll, this.read));
     scroll.style.flex = "1";
     this.plots = this.shown.map((name) => {
       const place = make("div", { class: "past-plot" });
@@ -196,18 +198,39 @@ export class Scope {
     this.drawPast();
   }
 
+  // A cursor by key: into the middle, then by arrows.
+  nudge(number, event) {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    this.put(number, step * (event.shiftKey ? 1 / this.about.rate_hz : (this.window[1] - this.window[0]) / 100));
+  }
+
+  put(number, by) {
+    const plot = this.plots[0].plot, time = plot.data[0];
+    const t = this.cursors[number] ? this.cursors[number].t + by : 0.5 * (this.window[0] + this.window[1]);
+    let index = time.findIndex((each) => each >= t);
+    if (index < 0) index = time.length - 1;
+    if (by && this.cursors[number]?.t === time[index]) index += Math.sign(by);
+    this.set(number, this.plots[0].axis, plot, Math.max(0, Math.min(index, time.length - 1)));
+  }
+
   mark(plot, name, event) {
     if (performance.now() - (this.zoomed || 0) < 300) return;
     const index = plot.cursor.idx;
     if (index === null || index === undefined) return;
+    this.set(event.shiftKey ? 1 : 0, name, plot, index);
+  }
+
+  set(number, name, plot, index) {
     const values = plot.data.map((column) => column[index]);
-    this.cursors[event.shiftKey ? 1 : 0] = { name, t: values[0], y: values[1], e: values[2], u: values[3] };
+    this.cursors[number] = { name, t: values[0], y: values[1], e: values[2], u: values[3] };
     const [a, b] = this.cursors;
     if (a && b) {
       const unit = this.about.axes[name].unit;
       this.read.textContent = `A to B: dt = ${figure(b.t - a.t)} s (${figure(1 / Math.abs(b.t - a.t))} Hz), ` +
         `dy = ${figure(b.y - a.y)} ${unit}, du = ${figure(b.u - a.u)} ${this.about.axes[name].command_unit}`;
-    } else this.read.textContent = `${event.shiftKey ? "B" : "A"}: t = ${figure(values[0], 8)} s, y = ${figure(values[1])}`;
+    } else this.read.textContent = `${number ? "B" : "A"}: t = ${figure(values[0], 8)} s, y = ${figure(values[1])}`;
     for (const each of this.plots) if (each.plot) each.plot.redraw();
   }
 
