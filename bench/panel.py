@@ -1,8 +1,8 @@
 """What the panel costs and how fast it is, in a real browser: `python bench/panel.py [--seconds 60]`.
 
-Four axes at 2 kHz on the virtual rig, excited and recorded, the scope open in chromium. Printed beside the goal:
-frames a second, processor time of renderer and panel, rows lost; p99 of the lateness with the page open over
-that without, in interleaved pairs; from a click on the e-stop to neutral.
+Four axes at 2 kHz on the virtual rig, excited and recorded, the scope open in chromium. Printed beside the
+goal: frames a second, processor time of renderer and panel, rows lost; p99 of the lateness with the page open
+over that without, in interleaved pairs; from a click on the e-stop to neutral.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ class AxisHistory:
         return float(value) if np.isfinite(value) else None
 
     def intervals(
-        self, first: int, last: int, step: float, names: Sequence[str] = SIGNALS
+        self, first: int, last: int, step: float, names: Sequence[str] = SIGNALS, holds: float = 0.0
     ) -> NDArray[np.float32]:
         """Lowest and highest of each signal in the intervals [k step, (k + 1) step) for k from first to last.
 
@@ -92,11 +92,14 @@ class AxisHistory:
             last: Number of the last one, not counted in.
             step: Length of an interval [s].
             names: The signals.
+            holds: A row stands for intervals without one that begin within this time after it as well [s]:
+                where an interval is about as long as a tick, some have two rows and some none.
 
         Returns:
             Shape (2 len(names), last - first), lowest before highest; nan where an interval has no row.
         """
-        bounds = np.searchsorted(self.time, np.arange(first, last + 1) * step)
+        edges = np.arange(first, last + 1) * step
+        bounds = np.searchsorted(self.time, edges)
         starts, empty = bounds[:-1], bounds[:-1] == bounds[1:]
         out = np.full((2 * len(names), max(0, last - first)), np.nan, np.float32)
         if len(self.time) == 0 or bool(empty.all()):
@@ -106,6 +109,10 @@ class AxisHistory:
             values = self.field(name)[: bounds[-1]]
             out[2 * place, ~empty] = np.fmin.reduceat(values, used)
             out[2 * place + 1, ~empty] = np.fmax.reduceat(values, used)
+        before = bounds[:-1] - 1
+        held = empty & (before >= 0) & (edges[:-1] - self.time[before] < holds)
+        for place, name in enumerate(names):
+            out[2 * place : 2 * place + 2, held] = self.field(name)[before[held]]
         return out
 
     def switches(self, after: float, before: float) -> Floats:

@@ -19,6 +19,8 @@ SWEEPS_S: Final = 0.08
 """Least time between two sweeps of a trigger."""
 BEFORE: Final = 0.2
 """Part of a sweep that lies before the switch."""
+HOLDS: Final = 2.5
+"""A row stands for so many ticks where no other comes."""
 MOST_COLUMNS: Final = 4096
 MOST_LIVE_S: Final = 60.0
 
@@ -96,7 +98,7 @@ class View:
         if last <= first:
             return b""
         self._next[name] = last
-        table = history.intervals(first, last, self.step)
+        table = history.intervals(first, last, self.step, holds=HOLDS * self._period)
         return block(LIVE, self._numbers[name], self._number, float(first), self.step, table)
 
     def _sweep(self, name: str) -> bytes:
@@ -123,5 +125,7 @@ class View:
     def _cut(self, kind: int, name: str, number: int, start: float, span: float, columns: int) -> bytes:
         step = max(self._period, span / columns)
         first = math.floor(start / step)
-        table = self._histories[name].intervals(first, first + math.ceil(span / step), step)
+        table = self._histories[name].intervals(
+            first, first + math.ceil(span / step), step, holds=HOLDS * self._period
+        )
         return block(kind, self._numbers[name], number, first * step, step, table)

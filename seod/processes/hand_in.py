@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 import socket
+from array import array
 
 Peer = tuple[str, int]
 """Address and port of a client."""
 _BYTES = 256
+_FD_BYTES = array("i").itemsize
 
 
 def hand_in(way: socket.socket, peer: Peer) -> socket.socket:
@@ -25,9 +27,11 @@ def hand_in(way: socket.socket, peer: Peer) -> socket.socket:
     """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     with theirs:
+        rights = (socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", [theirs.fileno()]))
         try:
-            flags = socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
-            socket.send_fds(way, [json.dumps(peer).encode()[:_BYTES]], [theirs.fileno()], flags)
+            way.sendmsg(
+                [json.dumps(peer).encode()[:_BYTES]], [rights], socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
+            )
         except OSError:
             ours.close()
             raise
@@ -38,9 +42,11 @@ def hand_in(way: socket.socket, peer: Peer) -> socket.socket:
 def receive_client(way: socket.socket) -> tuple[socket.socket, Peer] | None:
     """The next client that was handed in; None if there is none."""
     try:
-        data, fds, _, _ = socket.recv_fds(way, _BYTES, 1, socket.MSG_DONTWAIT)
+        # not socket.recv_fds, which drops its flags up to Python 3.13: it would wait
+        data, ancillary, _, _ = way.recvmsg(_BYTES, socket.CMSG_SPACE(_FD_BYTES), socket.MSG_DONTWAIT)
     except BlockingIOError:
         return None
+    fds = array("i", ancillary[0][2][:_FD_BYTES]) if ancillary else array("i")
     if not fds:
         return None
     end = socket.socket(fileno=fds[0])

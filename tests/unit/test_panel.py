@@ -45,7 +45,7 @@ def block(t: np.ndarray[Any, Any], **fields: Any) -> np.ndarray[Any, Any]:
 def filled(seconds: float, rows: int, at_once: int = 37) -> AxisHistory:
     """y is the number of the row, u a square wave of 10 Hz, e_a 1."""
     history = AxisHistory(rows)
-    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    t = (np.arange(round(seconds * RATE_HZ)) + 0.5) / RATE_HZ
     u = np.where(np.floor(t * 20.0 + 1e-9) % 2 == 0, 1.0, -1.0)
     whole = block(t, y=np.arange(len(t)), u=u, signal=-u, e_a=1.0)
     for start in range(0, len(t), at_once):
@@ -57,7 +57,7 @@ def filled(seconds: float, rows: int, at_once: int = 37) -> AxisHistory:
 def test_history_keeps_the_newest_rows_in_one_piece() -> None:
     history = filled(10.0, rows=500)
     assert len(history.time) == 500
-    assert history.time[-1] == history.newest_t == pytest.approx(9.999)
+    assert history.time[-1] == history.newest_t == pytest.approx(9.9995)
     assert list(history.field("y")[[0, -1]]) == [9500.0, 9999.0]
     assert history.newest("y") == 9999.0
     assert history.newest("ps") is None
@@ -93,6 +93,9 @@ def test_an_interval_without_rows_does_not_take_its_neighbours() -> None:
     assert table[1, 0] == 6.0
     assert np.isnan(table[:, 1:5]).all()
     assert table[0, 5] == 7.0
+    held = history.intervals(0, 6, 0.01, ["u"], holds=0.02)
+    assert list(held[0, 1:3]) == [6.0, 6.0]
+    assert np.isnan(held[:, 3:5]).all()
 
 
 def view_of(history: AxisHistory) -> View:
@@ -118,7 +121,7 @@ def test_live_frames_join_without_a_gap_and_hold_only_what_is_new() -> None:
     assert (kind, told, step) == (LIVE, number, 0.005)
     assert (first, table.shape) == (99.0, (6, 100))
     assert view.message() == b""
-    t = 1.0 + np.arange(25) / RATE_HZ
+    t = 1.0 + (np.arange(25) + 0.5) / RATE_HZ
     history.add(t, block(t, y=1000.0 + np.arange(25), u=0.0, signal=0.0), np.ones(25, bool))
     ((_, _, second, _, more),) = unpacked(view.message())
     assert second == first + table.shape[1]
@@ -130,7 +133,7 @@ def test_sweeps_begin_at_the_relays_switches_and_one_shot_ends() -> None:
     view = view_of(history)
     view.show(ViewParams(axes=["motor"], span=0.1, columns=100, mode="single"))
     assert view.message() == b""  # what was before it was armed does not count
-    t = 1.0 + np.arange(300) / RATE_HZ
+    t = 1.0 + (np.arange(300) + 0.5) / RATE_HZ
     u = np.where(np.floor(t * 20.0 + 1e-9) % 2 == 0, 1.0, -1.0)
     history.add(t, block(t, y=0.0, u=u, signal=-u, e_a=1.0), np.ones(300, bool))
     ((kind, _, start, step, table),) = unpacked(view.message())
@@ -147,7 +150,7 @@ def test_the_past_is_answered_at_the_loops_rate() -> None:
     asked = HistoryParams(axis="motor", start=1.0, end=1.1, columns=4096, number=9)
     ((kind, number, start, step, table),) = unpacked(view.answer(asked))
     assert (kind, number, start, step) == (ANSWER, 9, 1.0, 0.001)
-    assert list(table[2]) == list(np.arange(1000.0, 1100.0))
+    assert list(table[2])[:100] == list(np.arange(1000.0, 1100.0))
 
 
 def test_trends_are_thinned_and_keep_the_newest() -> None:
