@@ -134,16 +134,13 @@ def test_controls_command_the_rig_within_its_limits(rig: PanelRig, page: Page) -
         page.until_text("said", "limits.output")
         assert rpc.call("get", axis="motor")["settings"]["e_a"] == 0.6
     finally:
-        back = {
-            "e_a": 0.5,
-            "hysteresis": 0.004,
-            "bias": 0.0,
-            "K_L": 17.0,
-            "two_phase": False,
-            "method": "wave",
-        }
+        back = {"e_a": 0.5, "hysteresis": 0.004, "bias": 0.0, "K_L": 17.0, "two_phase": False}
         rpc.call("set", axis="motor", **back)
         rpc.close()
+    page.put("set-e_a", "0.5")
+    Select(page.driver.find_element("id", "set-method")).select_by_visible_text("wave")
+    page.click("set")
+    page.until(lambda: page.text("said") == "set", "not set")
     page.click("stop")
     page.until(lambda: page.text("state") == "idle", "not stopped")
     page.click("release")
@@ -154,6 +151,7 @@ def test_scope_runs_is_triggered_and_keeps_the_past(page: Page) -> None:
     excite(page)
     page.until(lambda: scope_pixels(page) > 2000, "nothing is drawn")
     page.until(lambda: int(page.text("frames").split()[0] or 0) > 5, "no frames")
+    time.sleep(2 if PICTURES else 0)
     picture(page, "panel-scope")
     for mode in ("on the relay's switches", "one shot"):
         Select(page.driver.find_element("id", "mode")).select_by_visible_text(mode)

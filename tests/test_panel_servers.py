@@ -310,7 +310,7 @@ def test_login_over_tls_gives_the_rights_of_its_token(locked: PanelRig) -> None:
     with chromium(1280, 860, "--ignore-certificate-errors") as page:
         page.driver.get(locked.url)
         log_in(page, "not-a-token-of-this-rig")
-        page.until(lambda: page.js("!document.getElementById('wrong').hidden"), "not told")
+        page.until(lambda: page.js("document.getElementById('wrong')?.hidden === false"), "not told")
         log_in(page, READ)
         page.until(lambda: page.text("link") == "live", "never live")
         assert page.js(

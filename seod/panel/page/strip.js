@@ -14,6 +14,7 @@ export class Strip {
     this.table = new Float32Array(6 * columns).fill(NaN);
     this.last = null;
     this.canvas = make("canvas", { width: columns, height: LANES.length * LANE_PX });
+    this.canvas.style.height = `${LANES.length * LANE_PX}px`;
     this.context = this.canvas.getContext("2d", { alpha: false, willReadFrequently: true });
     this.scales = LANES.map(() => null);
     this.told = LANES.map(([mark], lane) => {
