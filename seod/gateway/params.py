@@ -83,6 +83,12 @@ class DriveParams(AxisParams):
     """[frequency in Hz, amplitude in V, phase in rad] each, for a steady voltage; clipped at `volts`."""
 
 
+class RecordParams(Params):
+    """`on`: whether to record."""
+
+    on: bool
+
+
 class AuthenticateParams(Params):
     """`token`: one of the rig file's."""
 

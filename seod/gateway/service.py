@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,6 +18,7 @@ from seod.gateway.params import (
     DriveParams,
     EstopParams,
     Params,
+    RecordParams,
     SetParams,
     SubscribeParams,
     UnsubscribeParams,
@@ -109,6 +111,7 @@ class Service:
             "estop": Method("command", EstopParams, self._estop),
             "reset": Method("command", AxisParams, self._reset),
             "keepalive": Method("command", Params, self._keepalive),
+            "record": Method("command", RecordParams, self._record),
         }
 
     def session(self, sink: Sink) -> Session:
@@ -259,6 +262,13 @@ class Service:
         session.holds = True
         self._holders.add(id(session))
         return self._carry_out("keepalive", None)
+
+    async def _record(self, _: Session, params: RecordParams) -> Result:
+        """Begin a recording, or end the one that was begun so; answers what `health` says of the recorder."""
+        answer: dict[str, Any] = json.loads(await self._rig.ask("record_on" if params.on else "record_off"))
+        if answer["error"]:
+            raise RpcError(REFUSED, answer["error"])
+        return {"recorder": answer["recorder"]}
 
     async def _carry_out(self, op: str, axis: int | None, values: dict[str, Any] | None = None) -> Result:
         await self._rig.mailbox.post(op, axis, values)

@@ -21,7 +21,7 @@ from seod.supervisor.process import SupervisorArguments, become
 from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig
+    from seod.config.model import RigConfig, ServerConfig
 
 ROWS_S = 2.0
 """Seconds of rows that the ring holds: how long the gateway may be busy without losing any."""
@@ -63,6 +63,7 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
             duration=duration,
             record=None if record is None else str(record.resolve()),
             parent=parent,
+            panel=has_panel(config.server),
         )
     )
 
@@ -96,6 +97,11 @@ def prepare(config: RigConfig) -> None:
         compile_plant(kinds)
     except subprocess.CalledProcessError as error:
         raise LaunchError("the simulated plant cannot be compiled, see above") from error
+
+
+def has_panel(server: ServerConfig) -> bool:
+    """Whether anything is served that the panel's process serves."""
+    return server.panel or server.scpi or server.foxglove
 
 
 def ring_rows(config: RigConfig) -> int:

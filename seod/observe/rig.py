@@ -318,6 +318,11 @@ class Rig:
         """The answer to `get`."""
         return {**axis.whole(self.now()), "model_error": self._monitors[axis.name].newest()}
 
+    def record(self, on: bool) -> dict[str, Any]:
+        """Begin a recording, or end the one that was begun so; `error` says why that cannot be."""
+        error = self._recording.begin() if on else self._recording.end()
+        return {**self._recording.report(), "error": error}
+
     def _realtime(self) -> dict[str, Any]:
         dead = self._dead_why
         realtime: dict[str, Any] = {"ok": False, "why": [dead]} if dead else self._started["realtime"]

@@ -22,6 +22,8 @@ from seod.processes.handover import ChildArguments, die_with_parent, receive_jso
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
 from seod.supervisor.child import Child
+from seod.supervisor.panel import PanelKeeper
+from seod.supervisor.say import say
 from seod.supervisor.sdnotify import notify, watchdog_interval
 
 GATEWAY_RESTARTS = 5
@@ -48,6 +50,7 @@ class SupervisorArguments:
         duration: How long to run [s], or None.
         record: File to record to, or None.
         parent: Process whose end ends the daemon (`seod run --watch`), or None.
+        panel: Whether there is a panel.
     """
 
     config_fd: int
@@ -61,6 +64,7 @@ class SupervisorArguments:
     duration: float | None
     record: str | None
     parent: int | None
+    panel: bool = False
 
 
 class Supervisor:
@@ -74,6 +78,7 @@ class Supervisor:
         self.poller.register(self.wake_read, select.POLLIN)
         self.loop: Child | None = None
         self.gateway: Child | None = None
+        self.panel = PanelKeeper(self.start_panel) if arguments.panel else None
         self.generation = 0
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
@@ -95,6 +100,8 @@ class Supervisor:
         """Until a signal, the end of the time, or a failure that leaves nothing to supervise."""
         self.start_gateway()
         self.start_loop()
+        if self.panel is not None:
+            self.panel.start()
         while not self.ending:
             for fd, _ in self.poller.poll(self.poll_s * 1e3):
                 self.serve(fd)
@@ -118,13 +125,22 @@ class Supervisor:
             self.hear_loop(self.loop)
         elif self.gateway is not None and fd == self.gateway.link.fileno():
             self.hear_gateway(self.gateway)
+        elif self.panel is not None and self.panel.child is not None:
+            self.serve_panel(self.panel, self.panel.child, fd)
+
+    def serve_panel(self, panel: PanelKeeper, child: Child, fd: int) -> None:
+        """The panel says something, or has ended."""
+        if fd == child.pidfd:
+            panel.died(self.drop)
+        elif fd == child.link.fileno() and not panel.hear():
+            self.forget_link(child)
 
     def take_signals(self) -> None:
         """SIGTERM and SIGINT end the daemon."""
         os.read(self.wake_read, 64)
         self.ending = True
 
-    def child(self, module: str) -> Child:
+    def child(self, module: str, panel_fd: int = -1) -> Child:
         """Start a child and watch it."""
         arguments = ChildArguments(
             config_fd=self.arguments.config_fd,
@@ -136,6 +152,7 @@ class Supervisor:
             generation=self.generation,
             record=self.record(),
             config_path=self.arguments.config_path,
+            panel_fd=panel_fd,
         )
         child = Child(module, arguments)
         self.poller.register(child.pidfd, select.POLLIN)
@@ -172,7 +189,13 @@ class Supervisor:
     def start_gateway(self) -> None:
         """Start the gateway process."""
         self.gateway_starts += 1
-        self.gateway = self.child("seod.gateway")
+        self.gateway = self.child(
+            "seod.gateway", -1 if self.panel is None else self.panel.gateway_end.fileno()
+        )
+
+    def start_panel(self, panel_fd: int) -> Child:
+        """Start the panel's process."""
+        return self.child("seod.panel", panel_fd)
 
     def hear_loop(self, loop: Child) -> None:
         """The loop says how neutral can be written without it, and when it is ready."""
@@ -325,17 +348,14 @@ class Supervisor:
             self.loop.end()
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
+        if self.panel is not None:
+            self.panel.end()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
             self.gateway.end()
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()
-
-
-def say(text: str) -> None:
-    """One line for the journal or the terminal."""
-    print(f"seod: {text}", file=sys.stderr, flush=True)  # noqa: T201 - the daemon's own log
 
 
 def install_signals(wake_fd: int) -> None:

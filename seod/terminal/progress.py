@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
@@ -22,6 +24,8 @@ Made = TypeVar("Made")
 QUICK_S = 0.5
 """Shorter work shows nothing."""
 REFRESH_S = 0.1
+PROGRESS_FD = "SEOD_PROGRESS_FD"
+"""Environment variable: a descriptor that is told as well, a line of JSON a step."""
 
 
 @contextmanager
@@ -32,6 +36,7 @@ def bar(talk: Console | None = None) -> Iterator[Show]:
         talk: Where to; standard error if left out.
     """
     talk = talk or console()
+    told = told_elsewhere()
     columns = (
         TextColumn("{task.description:32}", markup=False),
         BarColumn(),
@@ -40,7 +45,25 @@ def bar(talk: Console | None = None) -> Iterator[Show]:
     )
     with Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal) as shown:
         task = shown.add_task("", total=1.0)
-        yield lambda step, part: shown.update(task, description=step, completed=part)
+
+        def show(step: str, part: float) -> None:
+            shown.update(task, description=step, completed=part)
+            told(step, part)
+
+        yield show
+
+
+def told_elsewhere() -> Show:
+    """Tells the descriptor that the environment names; does nothing where there is none."""
+    number = os.environ.get(PROGRESS_FD)
+    if number is None:
+        return lambda _step, _part: None
+
+    def tell(step: str, part: float) -> None:
+        line = json.dumps({"step": step, "part": part}).encode() + b"\n"
+        os.write(int(number), line)
+
+    return tell
 
 
 def watched(
