@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format outputs unit fuzz blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs unit fuzz dst blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -41,6 +41,10 @@ unit: $(READY)
 # New random examples for parsers, configurations and estimators: what fails becomes an @example.
 fuzz: $(READY)
 	SEOD_EXAMPLES=new $(BIN)/pytest tests/unit -n auto -m hypothesis
+
+# The whole daemon on simulated time, SEEDS runs with faults; a seed that fails is shrunk and shown.
+dst: $(READY)
+	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1)
 
 blind: $(READY)
 	$(BIN)/pytest tests/blind -n auto
