@@ -11,6 +11,10 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
+# a wheel is the same bytes whoever builds it, whenever
+export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
+
+.PHONY: install rollback uninstall wheelhouse
 .PHONY: run test lint format outputs unit fuzz dst blind processes vm wheel bench lock clean
 
 run: $(READY)
@@ -61,11 +65,30 @@ wheel: $(READY)
 bench: $(READY)
 	for script in bench/*.py; do $(BIN)/python $$script || exit 1; done
 
-# Newest versions within the bounds of pyproject.toml, for all supported Python versions at once.
+# The service: into /opt/seod, as root. WHEELHOUSE=DIR takes wheels from there and needs no network; upgrades in place.
+WHEELHOUSE ?= build/wheelhouse
+SERVICE := $(PYTHON) systemd/install.py
+
+install: $(if $(filter build/wheelhouse,$(WHEELHOUSE)),wheelhouse)
+	$(SERVICE) install --wheelhouse $(WHEELHOUSE)
+
+rollback uninstall:
+	$(SERVICE) $@
+
+# The wheel and all that it needs at run time, as locked: to be copied to a machine without network.
+wheelhouse: $(READY)
+	rm -rf build/wheelhouse
+	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
+	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
+
+# What is installed, with its hashes, for all supported Python versions at once: requirements-run.lock is what the daemon
+# needs, requirements.lock that and the checks' own. `make lock UPGRADE=--upgrade` takes the newest versions.
 lock: $(READY)
 	$(PIP) install uv
-	$(BIN)/uv pip compile -q --upgrade --universal --python-version 3.11 --extra dev \
+	$(BIN)/uv pip compile -q $(UPGRADE) --universal --python-version 3.11 --extra dev --generate-hashes \
 		--no-header --no-annotate pyproject.toml -o requirements.lock
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes \
+		--no-header --no-annotate -c requirements.lock pyproject.toml -o requirements-run.lock
 
 $(READY): requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "seod needs Python 3.11 or later: apt-get install python3 python3-venv"; exit 1; }

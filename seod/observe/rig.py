@@ -19,6 +19,7 @@ from seod.observe.recording import Recording
 from seod.observe.rows import RowReader
 from seod.observe.timing import Timing
 from seod.observe.two_phase import TwoPhases
+from seod.processes import journal
 from seod.processes.ring import Column
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH, MODEL_ERRORS
 from seod.record.recorder import WAITING_ROWS
@@ -243,6 +244,7 @@ class Rig:
                 self._publish_newest(axis)
 
     def _publish_event(self, event: Event) -> None:
+        tell_journal(self._config.rig, event)
         self._recording.note(EVENTS, event["t"], event)
         self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
 
@@ -341,3 +343,12 @@ class Rig:
             monitor.close()
         self._reader.close()
         self._recording.close()
+
+
+def tell_journal(rig: str, event: Event) -> None:
+    """Faults and warnings, for whoever reads the journal; of a dead loop the supervisor tells."""
+    kind, code = event["event"], event.get("code", "")
+    if kind in ("fault", "warning") and code != "loop_died":
+        priority = journal.ERROR if kind == "fault" else journal.WARNING
+        axis = event.get("axis") or ""
+        journal.tell(f"seod: {kind} {code}: {event['why']}", priority, RIG=rig, AXIS=axis, CODE=code)

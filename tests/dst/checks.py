@@ -21,7 +21,7 @@ WIRE_S = 0.004
 """A frame, and those before it, on the wire."""
 TICKS = 2
 """Promised: neutral after so many ticks, where the loop lives and the bus works."""
-SETTLED_S = 0.25
+SETTLED_S = 0.5
 """After trouble of the bus: until neutral has left again, or the rig's own watchdog has acted."""
 
 

@@ -41,7 +41,11 @@ class SimLoop(asyncio.BaseEventLoop):
         """As a selector: what may be called now."""
         ends = [self.nudge, *self._readers]
         if (timeout is None or timeout > 0) and not any(end.readable() for end in ends):
-            self.world.block(math.inf if timeout is None else self.world.now + timeout, ends)
+            asyncio._set_running_loop(None)  # that of another gateway may run meanwhile
+            try:
+                self.world.block(math.inf if timeout is None else self.world.now + timeout, ends)
+            finally:
+                asyncio._set_running_loop(self)
         elif self.process.pending:
             self.world.block(self.world.now)
         self.world.me()
@@ -73,6 +77,8 @@ class SimLoop(asyncio.BaseEventLoop):
         error = context.get("exception")
         if isinstance(error, Dead):
             raise Dead  # asyncio keeps all but the end of a process
+        if not self.process.alive:
+            return
         self.world.fail(f"gateway: {context['message']}: {error!r}")
 
 

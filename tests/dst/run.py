@@ -75,7 +75,7 @@ class Run:
         self.config = rig_config()
         self.processes: dict[str, Process] = {}
         self.checks = Checks(world, system, self.config)
-        self.rig = Rig(world, system.bus, Random(f"{world.seed} rig"), 200.0, 0.1)
+        self.rig = Rig(world, system.bus, Random(f"{world.seed} rig"), 200.0, 0.4)
         self.checks.rig = self.rig
         system.bus.on_sensor = lambda data: self.checks.sensed(*sensed(data))
         system.bus.on_foreign = self.checks.commanded_by_others

@@ -112,6 +112,15 @@ def test_each_invariant_can_fail(
     assert said in " ".join(outcome.failures)
 
 
+def test_a_gateway_that_starts_after_the_loop_died_knows_of_it() -> None:
+    """Found by seed 1019: else a reset waited for a loop that was not there, for good."""
+    kill = {"points": 0}
+    faults = [Fault(5.0, "kill", {"who": "loop", **kill}), Fault(5.0001, "kill", {"who": "gateway", **kill})]
+    outcome = run(1, 4.0, faults, keep=True)
+    assert not outcome.failures
+    assert any("loop process killed by signal 9 (SIGKILL); neutral written" in line for line in outcome.trace)
+
+
 def test_a_failing_run_is_shrunk_to_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     _no_neutral_by_the_supervisor(monkeypatch)
     cause = Fault(5.0, "kill", {"who": "loop", "points": 0})
