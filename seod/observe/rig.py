@@ -5,6 +5,7 @@ Nothing here waits: `poll` takes what there is. Time is that of the rows, handed
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from seod import PROTOCOL, __version__
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
 HEALTH_S = 1.0
 SILENCE_S = 0.5
 """Without rows for this long, estimates are stale."""
+LATE_S = 1.0
+"""An answer that comes this long after its window tells of a rig that may be another by now."""
+LATE = "estimation has fallen behind: this answer is of more than a second ago (see age_s)"
 BEHIND = (0.5, 0.1)
 """Estimation rests while more of the ring waits than the first, and goes on below the second; by then rows
 come in time again. So it costs no rows, however long it takes."""
@@ -258,7 +262,10 @@ class Rig:
         self._hub.publish("sample", axis, row[Column.T], lambda: sample_message(axis, tick, row))
 
     def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
-        params = message(axis, estimate, self.now())
+        now = self.now()
+        if self._may_rest and now - estimate.t > LATE_S and estimate.quality == "ok":
+            estimate = replace(estimate, quality="stale", advice=LATE)
+        params = message(axis, estimate, now)
         self._recording.note(ESTIMATES + axis, estimate.t, params)
         self._hub.publish("estimate", axis, estimate.t, lambda: params)
 

@@ -186,7 +186,7 @@ def _busy(run: Run, numbers: Numbers) -> None:
     run.checks.touched(process)
 
     def calm() -> None:
-        run.checks.touched(process)
+        run.checks.disturbed[process.pid] = run.world.now + numbers["late"]  # a wait that began before
         process.latency = before
 
     process.latency = (before[0], numbers["late"])

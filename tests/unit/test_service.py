@@ -174,7 +174,7 @@ def test_an_earlier_version_is_lifted_step_by_step(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setitem(seod.config.upgrade.STEPS, 0, step)
     text = (REPO / "configs" / "virtual.yaml").read_text()
-    old = text.replace("\nversion: 1\n", "\nversion: 0\n").replace("\nrig:", "\nname:")
+    old = text.replace("\nversion: 1", "\nversion: 0", 1).replace("\nrig:", "\nname:")
     rig = tmp_path / "rig.yaml"
     rig.write_text(old)
     done = CliRunner().invoke(app, ["upgrade", str(rig)])
