@@ -28,6 +28,8 @@ UNITS = Path("/etc/systemd/system")
 HOUSES = Path(os.environ.get("SEOD_WHEELHOUSES", ""))
 UNIT, SECOND = "seod@can.service", "seod@second.service"
 
+pytestmark = pytest.mark.timeout(400)
+
 
 def systemctl(*words: str, check: bool = True) -> str:
     done = subprocess.run(["systemctl", *words], check=False, capture_output=True, text=True)
@@ -77,7 +79,7 @@ def installed() -> Iterator[None]:
     folders = {str(REPO), sys.prefix, sys.base_prefix}
     (drop / "here.conf").write_text(
         f"[Service]\nProtectHome=tmpfs\nBindReadOnlyPaths={' '.join(sorted(folders))}\n"
-        "TimeoutStartSec=120\nTimeoutStopSec=60\n"
+        "TimeoutStartSec=300\nTimeoutStopSec=60\n"
     )
     done = install("now")
     assert done.returncode == 0, done.stderr
