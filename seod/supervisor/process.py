@@ -340,16 +340,20 @@ class Supervisor:
         if not journal.tell(f"seod: {text}", priority, RIG=self.arguments.rig, CODE=code):
             say(text)
 
+    def still_here(self) -> None:
+        """Children may take longer to end than systemd's watchdog waits."""
+        notify("WATCHDOG=1")
+
     def shut_down(self) -> None:
         """Loop first (it writes neutral), our own neutral after it, then the gateway."""
         notify("STOPPING=1")
         if self.loop is not None:
-            self.loop.end()
+            self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
-            self.gateway.end()
+            self.gateway.end(self.still_here)
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()
