@@ -14,7 +14,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 # a wheel is the same bytes whoever builds it, whenever
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
-.PHONY: install rollback uninstall wheelhouse
+.PHONY: install rollback uninstall wheelhouse audit sbom release
 .PHONY: run test lint format outputs unit fuzz dst blind processes vm wheel bench lock clean
 
 run: $(READY)
@@ -80,6 +80,18 @@ wheelhouse: $(READY)
 	rm -rf build/wheelhouse
 	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
 	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
+
+# Advisories about what is locked. Where PyPI's cannot be reached it says so, and fails only with AUDIT=required.
+audit: $(READY)
+	$(BIN)/pip-audit -r requirements.lock --disable-pip --progress-spinner off || test "$(AUDIT)" != required
+
+# What the daemon is made of, for whoever has to know (CycloneDX).
+sbom: $(READY)
+	mkdir -p build
+	$(BIN)/cyclonedx-py requirements requirements-run.lock --output-reproducible -o build/sbom.json
+
+release: $(READY)
+	.ci/release $(VERSION)
 
 # What is installed, with its hashes, for all supported Python versions at once: requirements-run.lock is what the daemon
 # needs, requirements.lock that and the checks' own. `make lock UPGRADE=--upgrade` takes the newest versions.

@@ -2,10 +2,9 @@
 
     python bench/fuzz.py [--target all] [--for 20] [--corpus build/corpus]
 
-Each target runs in a process of its own under libFuzzer: JSON-RPC lines, CAN payloads through the codec and the
-checks of sensor frames, frames and lines of a serial board, rig files, DBCs, each reader of recordings. An
-exception that is not the documented one ends it, so does a unit of more than a minute or 2 GB. Prints the units
-run.
+Each target runs in a process of its own under libFuzzer: JSON-RPC lines, CAN payloads through codec and checks,
+frames and lines of a serial board, rig files, DBCs, each reader of recordings. An exception that is not the
+documented one ends it, so does a unit of more than a minute or 2 GB. Prints the units run.
 """
 
 from __future__ import annotations
