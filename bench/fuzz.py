@@ -2,7 +2,7 @@
 
     python bench/fuzz.py [--target all] [--for 20] [--corpus build/corpus]
 
-Each target runs in a process of its own under libFuzzer: JSON-RPC lines, CAN payloads through codec and checks,
+Each target has a process of its own under libFuzzer: JSON-RPC lines, CAN payloads through codec and checks,
 frames and lines of a serial board, rig files, DBCs, each reader of recordings. An exception that is not the
 documented one ends it, so does a unit of more than a minute or 2 GB. Prints the units run.
 """
