@@ -159,17 +159,12 @@ class Service:
         return _run(["systemctl", *words]) if self.live else ""
 
     def _running(self) -> list[str]:
-        return self._listed("list-units", "--state=active,activating,reloading")
+        words = ["list-units", "--state=active,activating,reloading", "--no-legend", "--plain"]
+        said = self._systemctl(*words, "seod@*.service")
+        return [line.split()[0] for line in said.splitlines() if line.strip()]
 
     def _enabled(self) -> list[str]:
-        return [unit for unit in self._listed("list-unit-files", "--state=enabled") if "@." not in unit]
-
-    def _listed(self, *words: str) -> list[str]:
-        if not self.live:
-            return []
-        command = ["systemctl", *words, "--no-legend", "--plain", "seod@*.service"]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)  # 1: there are none
-        return [line.split()[0] for line in done.stdout.splitlines() if line.strip()]
+        return sorted({link.name for link in self.units.glob("*.wants/seod*@*.service")})
 
     def _restart(self, unit: str) -> None:
         """Returns once it says that it is ready."""

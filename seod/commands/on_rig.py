@@ -52,6 +52,8 @@ def _attend(path: Path, duration: float | None, record: Path | None, start: bool
 @app.command()
 def neutral(path: ConfigPath) -> None:
     """Write neutral to a rig whose daemon has ended (what the unit does last)."""
+    if os.environ.get("EXIT_STATUS") == str(os.EX_CONFIG):
+        return  # as ExecStopPost=: the rig file is wrong, as has been told, and nothing was started
     with plain_errors():
         from seod.launch.last_neutral import write_neutral  # noqa: PLC0415
 

@@ -146,6 +146,14 @@ def test_the_last_neutral(answers: list[str], why: str, monkeypatch: pytest.Monk
     assert not writer.answers
 
 
+def test_a_rig_file_that_is_wrong_is_told_once(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("version: 1\n")
+    done = CliRunner().invoke(app, ["neutral", str(wrong)], env={"EXIT_STATUS": "78"})
+    assert (done.exit_code, done.output) == (0, "")
+    assert CliRunner().invoke(app, ["neutral", str(wrong)]).exit_code == 1
+
+
 def test_a_simulated_rig_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(seod.launch.last_neutral, "lock_rig", lambda _: None)
     done = CliRunner().invoke(app, ["neutral", str(REPO / "configs" / "virtual.yaml")])

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 RIG_FILES = Path("/etc/seod")
 UNITS = Path("/etc/systemd/system")
 HOUSES = Path(os.environ.get("SEOD_WHEELHOUSES", ""))
+SLOW_S = 200.0
+"""A start takes a guest whose host is busy so long."""
 UNIT, SECOND = "seod@can.service", "seod@second.service"
 
 pytestmark = pytest.mark.timeout(400)
@@ -113,9 +115,10 @@ def test_it_is_ready_once_it_has_ticked_and_tells_the_journal(unit: Rpc, listene
 def test_a_crash_ends_in_neutral_and_a_new_start(unit: Rpc, listener: Listener) -> None:
     first = show("MainPID")
     kill(int(first), signal.SIGKILL)
-    until("a new process", lambda: show("MainPID") not in (first, "0") and show("ActiveState") == "active")
+    until("neutral, after the end", lambda: "neutral written" in journal("-u", UNIT), SLOW_S)
+    again = lambda: show("MainPID") not in (first, "0") and show("ActiveState") == "active"  # noqa: E731
+    until("a new process", again, SLOW_S)
     assert show("NRestarts") == "1"
-    assert "neutral written" in journal("-u", UNIT)
     assert {frame.volts for frame in listener.read()} == {0.0}
 
 
@@ -134,11 +137,11 @@ def test_a_bus_that_appears_later_is_taken(installed: None) -> None:
     ip("link", "del", "vcan0")
     try:
         systemctl("start", "--no-block", UNIT)
-        until("a try", lambda: int(show("NRestarts")) >= 1)
+        until("a try", lambda: int(show("NRestarts")) >= 1, SLOW_S)
         assert not port_open(PORT)
     finally:
         systemctl("start", "seod-vcan@vcan0")
-    until("the daemon", lambda: show("ActiveState") == "active")
+    until("the daemon", lambda: show("ActiveState") == "active", SLOW_S)
     assert "cannot open socketcan channel" in journal("-u", UNIT)
     systemctl("stop", UNIT)
 
