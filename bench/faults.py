@@ -55,7 +55,7 @@ def _exception(this: run.Run, _: dict[str, Any]) -> None:
     process = this.processes["loop"]
 
     def grip(_: str) -> None:
-        raise RuntimeError("injected")
+        raise RuntimeError(run.INJECTED)
 
     process.grip = grip
 
