@@ -14,8 +14,8 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 # a wheel is the same bytes whoever builds it, whenever
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
-.PHONY: install rollback uninstall wheelhouse audit sbom release
-.PHONY: run test lint format outputs unit fuzz dst blind processes vm wheel bench lock clean
+.PHONY: install rollback uninstall wheelhouse branches audit sbom release
+.PHONY: run test lint format outputs unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -24,6 +24,7 @@ test: lint
 	$(BIN)/pytest tests/unit -n auto --dist loadfile
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
+	$(BIN)/python bench/fuzz.py --for 3 --target jsonrpc,can,serial,text,rig
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -41,6 +42,10 @@ outputs: $(READY)
 
 unit: $(READY)
 	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not slow and not processes"
+
+# Bytes by coverage into all that takes them: FOR=600 [s] each; the corpus stays in build/corpus.
+fuzz-bytes: $(READY)
+	$(BIN)/python bench/fuzz.py --for $(or $(FOR),20)
 
 # New random examples for parsers, configurations and estimators: what fails becomes an @example.
 fuzz: $(READY)
@@ -81,9 +86,17 @@ wheelhouse: $(READY)
 	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
 	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
 
+# Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.
+GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py
+GUARD_TESTS := dst guard neutral process device_clock loop axes tones signals foreign_commands two_phase_relay velocity
+branches: $(READY)
+	$(BIN)/coverage run --branch --concurrency=greenlet --include='$(GUARDING)' -m pytest -q \
+		$(foreach name,$(GUARD_TESTS),tests/unit/test_$(name).py)
+	$(BIN)/coverage report -m
+
 # Advisories about what is locked. Where PyPI's cannot be reached it says so, and fails only with AUDIT=required.
 audit: $(READY)
-	$(BIN)/pip-audit -r requirements.lock --disable-pip --progress-spinner off || test "$(AUDIT)" != required
+	$(BIN)/pip-audit -r requirements.lock --disable-pip --strict --progress-spinner off || test "$(AUDIT)" != required
 
 # What the daemon is made of, for whoever has to know (CycloneDX).
 sbom: $(READY)

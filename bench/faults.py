@@ -247,7 +247,8 @@ def main() -> int:
         text = PAGE.read_text()
         head, _, rest = text.partition(BEGIN)
         _, _, tail = rest.partition(END)
-        PAGE.write_text(f"{head}{BEGIN}\n{chr(10).join(lines)}\n{END}{tail}")
+        caption = f"{given.runs} runs a row; not kept: {', '.join(broken) or 'none'}."
+        PAGE.write_text("\n".join([f"{head}{BEGIN}", caption, "", *lines, f"{END}{tail}"]))
     return int(bool(broken))
 
 
