@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +12,7 @@ from typing import Annotated
 import typer
 
 from seod.commands.common import CommandError, ConfigPath, Duration, app, load, plain_errors, show
+from seod.config.errors import ConfigErrors
 
 
 @app.command()
@@ -30,6 +33,9 @@ def run(
             if not (start or watch):
                 daemon.run(path, duration, record)  # replaces this process
             raise typer.Exit(_run_until_it_ends(path, duration, record, start, watch))
+        except ConfigErrors as errors:
+            print(errors, file=sys.stderr)  # noqa: T201 - each starts with file and line already
+            raise typer.Exit(os.EX_CONFIG) from None  # a unit must not try that again
         except daemon.LaunchError as error:
             raise CommandError(str(error)) from error
 
@@ -43,6 +49,39 @@ def _run_until_it_ends(
         return abs(run_with_client(load(path), path, duration, record, start, watch))
     except StartError as error:
         raise CommandError(str(error)) from error
+
+
+@app.command()
+def neutral(path: ConfigPath) -> None:
+    """Write neutral to a rig whose daemon has ended (what the unit does last)."""
+    if os.environ.get("EXIT_STATUS") == str(os.EX_CONFIG):
+        return  # as ExecStopPost=: the rig file is wrong, as has been told, and nothing was started
+    with plain_errors():
+        from seod.launch.last_neutral import write_neutral  # noqa: PLC0415
+
+        why = write_neutral(load(path))
+        if why:
+            raise CommandError(f"neutral not written: {why}")
+        show("neutral written")
+
+
+@app.command()
+def upgrade(path: ConfigPath) -> None:
+    """Make a rig file of an earlier version one of this version; the earlier one is kept as NAME~."""
+    with plain_errors():
+        from seod.config.upgrade import UpgradeError, upgraded  # noqa: PLC0415
+        from seod.files.user_files import keep_earlier  # noqa: PLC0415
+
+        try:
+            text = upgraded(path.read_text("utf-8-sig"), str(path), path.parent.resolve())
+        except (UpgradeError, UnicodeDecodeError) as error:
+            raise CommandError(str(error)) from error
+        if text is None:
+            show(f"{path} is of this version already: nothing to change")
+            return
+        keep_earlier(path)
+        path.write_text(text, "utf-8")
+        show(f"{path} is of this version now; as it was: {path}~")
 
 
 @app.command()

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.neutral import NeutralWriter, open_neutral
+from seod.processes import journal
 from seod.processes.handover import ChildArguments, die_with_parent, receive_json, send_json
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
@@ -32,6 +33,7 @@ STILL_POLLS = 4
 BEAT_S = 0.02
 """Longest poll: the loop goes to neutral when no turn of ours came for `guard.SUPERVISOR_SILENT_S`."""
 START_TIMEOUT_S = 60.0
+WRITTEN = "neutral written"
 
 
 @dataclass(frozen=True)
@@ -83,12 +85,17 @@ class Supervisor:
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
         self.holding_neutral = False
+        self.fenced = ""
+        """What came of the neutral that was written as the loop was fenced; "" where it was not."""
+        self.death: dict[str, object] = {}
+        """Of the last loop, as the gateway was told; {} while there is one."""
         self.ticks_seen = -1
         self.still = 0
         self.gateway_seen, self.gateway_turned, self.looked = -1, 0.0, 0.0
         self.ending = False
         self.exit_code = 0
         self.announced = False
+        self.ticks_fed = 0
         self.began = time.monotonic()
         self.ends_at = float("inf")
         self.fed = 0.0
@@ -108,6 +115,7 @@ class Supervisor:
             self.shared.words[Word.BEATS] += 1
             self.watch_ticks()
             self.watch_gateway()
+            self.announce()
             self.feed_watchdog()
             self.watch_times()
         self.shut_down()
@@ -183,6 +191,7 @@ class Supervisor:
     def start_loop(self) -> None:
         """Start the next loop process; it takes over writing to the rig once it is ready."""
         self.generation += 1
+        self.death = {}
         self.tell_gateway({"loop": "starting", "generation": self.generation})
         self.loop = self.child("seod.loop")
 
@@ -192,6 +201,8 @@ class Supervisor:
         self.gateway = self.child(
             "seod.gateway", -1 if self.panel is None else self.panel.gateway_end.fileno()
         )
+        if self.death:  # which the gateway before knew, and this one could not
+            self.tell_gateway(self.death)
 
     def start_panel(self, panel_fd: int) -> Child:
         """Start the panel's process."""
@@ -214,8 +225,7 @@ class Supervisor:
             loop.ready, self.holding_neutral = True, False
             self.ticks_seen, self.still = -1, 0
             for why in message["warnings"] if isinstance(message["warnings"], list) else []:
-                say(f"warning: not real-time: {why}")
-            self.announce()
+                self.say(f"warning: not real-time: {why}", journal.WARNING, "not_realtime")
 
     def hear_gateway(self, gateway: Child) -> None:
         """The gateway says that it listens, or that a client reset a rig whose loop is dead."""
@@ -226,16 +236,17 @@ class Supervisor:
             return
         if message.get("gateway") == "ready":
             gateway.ready = True
-            say(f"{self.arguments.rig}: JSON-RPC on port {message['port']}")
-            self.announce()
+            self.say(f"{self.arguments.rig}: JSON-RPC on port {message['port']}")
         elif message.get("gateway") == "failed":
             gateway.failure, gateway.ready = str(message["why"]), False
         elif message.get("op") == "restart_loop" and self.loop is None:
             self.start_loop()
 
     def announce(self) -> None:
-        """Tell systemd once both children are ready; the time given by --for begins."""
+        """Tell systemd once both children are ready and a tick is done; the time given by --for begins."""
         if self.announced or not (self.loop and self.loop.ready and self.gateway and self.gateway.ready):
+            return
+        if not self.shared.words[Word.TICKS]:
             return
         self.announced = True
         if self.arguments.duration is not None:
@@ -271,7 +282,7 @@ class Supervisor:
     def fence(self, loop: Child) -> None:
         """Shut the loop out, write neutral, and kill it: a process that is killed never runs again."""
         self.shared.words[Word.FENCE] = self.generation
-        self.write_neutral()
+        self.fenced = self.write_neutral()
         loop.signal(signal.SIGKILL)
         self.still = 0
         loop.ready = False
@@ -281,22 +292,24 @@ class Supervisor:
         self.shared.words[Word.FENCE] = self.generation
         self.holding_neutral = True
         written = self.write_neutral()
+        if self.fenced == WRITTEN:  # just before: now the queue may be full of neutral
+            written = WRITTEN
+        self.fenced = ""
         self.hear_loop(loop)  # its last words may still be under way
         hung, how = loop.failure, loop.end_of()
         why = hung or how
         self.drop(loop)
         self.loop = None
-        say(f"the loop process {why}; {written}")
+        self.say(f"the loop process {why}; {written}", journal.ERROR, "loop_died")
         notify(f"STATUS={self.arguments.rig}: fault: the loop process {why}")
-        self.tell_gateway(
-            {
-                "loop": "died",
-                "t": time.monotonic(),
-                "generation": self.generation,
-                "why": f"the loop process {why}",
-                "neutral": written,
-            }
-        )
+        self.death = {
+            "loop": "died",
+            "t": time.monotonic(),
+            "generation": self.generation,
+            "why": f"the loop process {why}",
+            "neutral": written,
+        }
+        self.tell_gateway(self.death)
         if not self.announced and not self.ending:
             self.ending, self.exit_code = True, 1
 
@@ -309,7 +322,7 @@ class Supervisor:
         gateway.process.wait()
         self.drop(gateway)
         self.gateway = None
-        say(f"the gateway process {why}")
+        self.say(f"the gateway process {why}", journal.ERROR, "gateway_died")
         if not self.announced or self.gateway_starts > GATEWAY_RESTARTS:
             self.ending, self.exit_code = True, 1
         else:
@@ -318,7 +331,7 @@ class Supervisor:
     def write_neutral(self) -> str:
         """Write neutral without the loop; returns what came of it, for people."""
         why = self.neutral.write(self.shared.words[Word.COMMANDS_SENT])
-        return f"neutral not written: {why}" if why else "neutral written"
+        return f"neutral not written: {why}" if why else WRITTEN
 
     def tell_gateway(self, message: dict[str, object]) -> None:
         """Tell the gateway, if there is one."""
@@ -326,10 +339,12 @@ class Supervisor:
             send_json(self.gateway.link, message)
 
     def feed_watchdog(self) -> None:
-        """Feed systemd's watchdog while the loop ticks, or while the rig is held at neutral for it."""
-        now = time.monotonic()
-        if now - self.fed >= self.watchdog and self.still == 0:
-            self.fed = now
+        """Feed systemd's watchdog by ticks that were done, or while there is no loop that could do any."""
+        now, ticks = time.monotonic(), self.shared.words[Word.TICKS]
+        if now - self.fed < self.watchdog:
+            return
+        if ticks != self.ticks_fed or self.loop is None or not self.loop.ready:
+            self.fed, self.ticks_fed = now, ticks
             notify("WATCHDOG=1")
 
     def watch_times(self) -> None:
@@ -338,21 +353,32 @@ class Supervisor:
         if now >= self.ends_at:
             self.ending = True
         elif not self.announced and now - self.began > START_TIMEOUT_S:
-            say(f"loop and gateway were not ready within {START_TIMEOUT_S:.0f} s")
+            self.say(
+                f"loop and gateway were not ready within {START_TIMEOUT_S:.0f} s", journal.ERROR, "start"
+            )
             self.ending, self.exit_code = True, 1
+
+    def say(self, text: str, priority: int = journal.INFO, code: str = "") -> None:
+        """One line for the journal, with the rig's name as a field, or for the terminal."""
+        if not journal.tell(f"seod: {text}", priority, RIG=self.arguments.rig, CODE=code):
+            say(text)
+
+    def still_here(self) -> None:
+        """Children may take longer to end than systemd's watchdog waits."""
+        notify("WATCHDOG=1")
 
     def shut_down(self) -> None:
         """Loop first (it writes neutral), our own neutral after it, then the gateway."""
         notify("STOPPING=1")
         if self.loop is not None:
-            self.loop.end()
+            self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
         if self.panel is not None:
             self.panel.end()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
-            self.gateway.end()
+            self.gateway.end(self.still_here)
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()
