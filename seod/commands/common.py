@@ -18,6 +18,7 @@ from typer.core import TyperCommand
 from seod.client import ClientError
 from seod.config.errors import ConfigErrors
 from seod.files.user_files import said
+from seod.machine.limits import NeedsLinuxError, needs_linux
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -83,13 +84,15 @@ def _gain(text: str) -> float:
     from seod.config.units import GAINS, parse_quantity  # noqa: PLC0415 - few commands need it
 
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        pass
-    try:
-        return parse_quantity(text, *GAINS)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
+        try:
+            value = parse_quantity(text, *GAINS)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
+    if value == 0.0:
+        raise typer.BadParameter("must be a number other than 0")
+    return value
 
 
 Gain = Annotated[
@@ -109,6 +112,14 @@ class CommandError(Exception):
 
 
 @contextmanager
+def on_linux() -> Iterator[None]:
+    """As `plain_errors`, for what excites a rig: that is told to need Linux elsewhere."""
+    with plain_errors():
+        needs_linux()
+        yield
+
+
+@contextmanager
 def plain_errors() -> Iterator[None]:
     """Say what went wrong on stderr, in plain sentences, and exit with 1."""
     try:
@@ -118,7 +129,7 @@ def plain_errors() -> Iterator[None]:
     except ConfigErrors as errors:
         print(errors, file=sys.stderr)  # noqa: T201 - each starts with file and line already
         raise typer.Exit(1) from None
-    except (ClientError, CommandError) as error:
+    except (ClientError, CommandError, NeedsLinuxError) as error:
         print(f"seod: {error}", file=sys.stderr)  # noqa: T201
         raise typer.Exit(1) from None
     except BrokenPipeError:  # whoever reads the answer has enough
@@ -142,22 +153,6 @@ def show(text: str) -> None:
         with Path(os.devnull).open("wb") as nothing:
             os.dup2(nothing.fileno(), sys.stdout.fileno())  # what is left cannot be told either
         raise CommandError(f"standard output: {error.strerror}") from error
-
-
-def rising(text: str, option: str) -> tuple[float, float]:
-    """`LOW:HIGH` as numbers.
-
-    Raises:
-        CommandError: It is not that.
-    """
-    low, _, high = text.partition(":")
-    try:
-        pair = float(low), float(high)
-    except ValueError:
-        pair = 0.0, 0.0
-    if not pair[0] < pair[1]:
-        raise CommandError(f"{option} {text}: give two rising numbers, such as 0.5:60")
-    return pair
 
 
 def load(path: Path) -> RigConfig:

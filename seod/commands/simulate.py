@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from seod.commands.common import (
-    MOST_S,
-    MOST_SEED,
-    MOST_V,
-    CommandError,
-    ConfigPath,
-    app,
-    load,
-    plain_errors,
-    show,
-)
+from seod.commands.answers import asking
+from seod.commands.common import MOST_S, MOST_SEED, MOST_V, CommandError, ConfigPath, app, show
 
 MOST_LINES = 1_000_000
 """Lines of a multisine, or cycles: more than any recording has."""
@@ -95,20 +87,30 @@ def simulate(
     ] = None,
 ) -> None:
     """Write a recording of the simulated rig, and show the truth that is in it."""
-    from seod.simulate.options import Options, excitation_named, read_band, read_effects  # noqa: PLC0415
-    from seod.simulate.record import record  # noqa: PLC0415 - numerics, and a compiler
+    with asking():
+        from seod.api.simulations import COMPILING, unwritable  # noqa: PLC0415 - numerics, and a compiler
+        from seod.api.simulations import simulate as ask  # noqa: PLC0415
+        from seod.terminal.progress import bar  # noqa: PLC0415 - rich
 
-    with plain_errors():
-        config = load(path)
-        try:
-            options = Options(
-                excitation=excitation_named(excitation),
-                effects=read_effects(effect or []),
+        if why := unwritable(out):
+            raise CommandError(f"--out {out}: {why}")
+        with bar() as progress:
+
+            def told(step: str, part: float) -> None:
+                if step == COMPILING:
+                    print(step, file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
+                progress(step, part)
+
+            found = ask(
+                path,
+                axis=axis,
+                effect=effect or (),
+                excitation=excitation,
                 amplitude=amplitude,
                 bias=bias,
                 duration=duration,
                 frequency=frequency,
-                band=None if band is None else read_band(band),
+                band=band,
                 period=period,
                 lines=lines,
                 cycles=cycles,
@@ -116,7 +118,7 @@ def simulate(
                 noise=noise,
                 latency=latency,
                 seed=seed,
+                progress=told,
             )
-            show(json.dumps(record(config, axis, options, out)))
-        except ValueError as error:
-            raise CommandError(str(error)) from error
+            found.save(out, lambda part: progress("writing", part))
+        show(json.dumps({"file": str(out), **found.to_dict()}))

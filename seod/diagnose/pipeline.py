@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -38,6 +37,7 @@ from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.verdict.answer import Found, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
+from seod.machine.limits import processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -126,7 +126,7 @@ def diagnose(
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool, threadpool_limits(1, "blas"):
+    with ThreadPoolExecutor(processors()) as pool, threadpool_limits(1, "blas"):
         way = _Way(sees_speed, _known(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
         searched = in_blocks(every[: len(recordings)])
