@@ -1,4 +1,4 @@
-"""The Python interface: data of any form, answers of one kind, commands over the same, nothing on the disk."""
+"""The Python interface: data of any form, answers of one kind, commands over the same, all in memory."""
 
 from __future__ import annotations
 
@@ -375,7 +375,8 @@ def guarded(name, globals=None, locals=None, fromlist=(), level=0):
 
 builtins.__import__ = guarded
 import numpy, scipy, scipy.optimize, scipy.signal, pandas, matplotlib.figure, numba, pydantic
-import multiprocessing.context, concurrent.futures, asammdf, pyarrow.parquet, cantools, can, serial  # what they do is theirs
+import multiprocessing.context, concurrent.futures, asammdf, pyarrow.parquet, cantools, can, serial
+# what they do is theirs
 for name in ("sched_getaffinity", "sched_setaffinity", "memfd_create", "fork", "sysconf", "sched_setscheduler",
              "O_CLOEXEC", "O_DIRECTORY", "geteuid", "getuid", "pidfd_open", "eventfd", "fchmod"):
     if hasattr(os, name):
@@ -396,8 +397,9 @@ pandas.read_csv("run.csv").rename(columns={"y [rad]": "y"}).to_parquet("run.parq
 import scipy.io
 scipy.io.savemat("run.mat", {name: x for name, x in made.to_columns().items()})
 for path in ("run.csv", "run.parquet", "run.mat"):
-    assert len(seod.read(path).t) == len(made.recording.t)
-assert seod.identify("run.csv", method="wave", gain=17.0, config=rig).omega_n.value > 0
+    assert len(seod.read(path).t) == len(made.recording.t), path
+live = seod.identify("run.csv", method="wave", gain=17.0)
+assert live.to_dict()["method"] == "wave", live
 assert seod.identify(made, config=rig).to_html()
 assert seod.response(sweep).plot() is not None
 from typer.testing import CliRunner
