@@ -75,9 +75,7 @@ async def test_an_asyncio_client_is_told_that_the_daemon_has_ended(seod_daemon: 
         await rig.info()
         seod_daemon.__exit__()
         with pytest.raises(seod.ClientError):
-            async with asyncio.timeout(20.0):
-                async for _ in rig.notifications():
-                    pass
+            await asyncio.wait_for(anext(rig.notifications()), 20.0)
         with pytest.raises(seod.ClientError, match="ended"):
             await rig.info()
     with pytest.raises(seod.ClientError, match="no daemon listens"):

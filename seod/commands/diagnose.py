@@ -9,6 +9,7 @@ import typer
 
 from seod.commands.answers import answer, asking
 from seod.commands.common import Between, Columns, Gain, Units, app, load, show
+from seod.commands.quantity import seconds
 
 
 @app.command()
@@ -35,9 +36,7 @@ def diagnose(
     gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(
-            metavar="S", min=0.0, max=100.0, help="Delay, if it is known; else a cause like others."
-        ),
+        typer.Option(**seconds(0.0, 100.0), help="Delay, if it is known; else a cause like others."),
     ] = None,
     hold: Annotated[
         Literal["zero", "first"],

@@ -9,6 +9,7 @@ import typer
 
 from seod.commands.answers import answer, asking, tell_problems
 from seod.commands.common import Between, Columns, Gain, Units, app
+from seod.commands.quantity import seconds
 
 
 @app.command()
@@ -27,7 +28,7 @@ def identify(
     gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.0, max=1e3, help="Delay, if it is known; left out: it is estimated."),
+        typer.Option(**seconds(0.0, 1e3), help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
@@ -42,7 +43,9 @@ def identify(
     units: Units = "",
     between: Between = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw it into a file: .png, .svg or .pdf.")
+    ] = None,
 ) -> None:
     """Identify omega_n, zeta, K_L and delay from recordings, and say what they cannot tell."""
     with asking():

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from seod.commands.common import CommandError, ConfigPath, Duration, app, load, on_linux, plain_errors, show
+from seod.commands.quantity import seconds
 
 
 @app.command()
@@ -77,7 +78,7 @@ def rig(
 @app.command()
 def latency(
     duration: Annotated[
-        float, typer.Option("--for", min=0.1, max=86_400.0, metavar="S", help="Measure for this long.")
+        float, typer.Option("--for", **seconds(0.1, 86_400.0), help="Measure for this long.")
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
 ) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from seod.commands.answers import answer, asking, tell_problems
 from seod.commands.common import MOST_S, MOST_SEED, MOST_V, Between, Columns, Gain, Units, app
+from seod.commands.quantity import seconds, volts
 
 
 @app.command()
@@ -27,19 +28,17 @@ def response(
     amplitude: Annotated[
         float | None,
         typer.Option(
-            metavar="V",
-            min=1e-6,
-            max=MOST_V,
+            **volts(1e-6, MOST_V),
             help="Largest voltage. Default: e_a, or less to fit the limits.",
         ),
     ] = None,
     band: Annotated[
         str | None,
-        typer.Option(metavar="LOW:HIGH", help="[Hz]. Default: a 20th to 3 times what the relay tells."),
+        typer.Option(metavar="LOW:HIGH", help="In Hz. Default: a 20th to 3 times what the relay tells."),
     ] = None,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", min=1e-3, max=MOST_S, help="Of the multisine, or of DATA. Default: found."),
+        typer.Option(**seconds(1e-3, MOST_S), help="Of the multisine, or of DATA. Default: found."),
     ] = None,
     periods: Annotated[
         int | None, typer.Option(min=3, max=1000, help="Of each multisine, to average over. Default: 6.")
@@ -48,14 +47,17 @@ def response(
         int | None, typer.Option(min=1, max=100, help="Multisines with other phases. Default: 4.")
     ] = None,
     points: Annotated[int | None, typer.Option(min=4, max=200, help="Sines. Default: 20.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, max=MOST_SEED, help="Of the phases. Default: 1.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, max=MOST_SEED, help="Random seed of the multisine's phases. Default: 1."),
+    ] = None,
     relay: Annotated[
         bool | None,
         typer.Option("--relay/--no-relay", help="Run the relay before, to compare. Default: yes."),
     ] = None,
     e_a: Annotated[
         float | None,
-        typer.Option("--e-a", metavar="V", min=1e-6, max=MOST_V, help="Of that relay. Default: as set."),
+        typer.Option("--e-a", **volts(1e-6, MOST_V), help="Of that relay. Default: as set."),
     ] = None,
     predict: Annotated[
         bool, typer.Option("--predict", help="Simulate what the rig file's plant would show.")
@@ -66,7 +68,7 @@ def response(
     gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.0, max=1e3, help="Delay, if it is known; left out: it is estimated."),
+        typer.Option(**seconds(0.0, 1e3), help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
@@ -76,7 +78,9 @@ def response(
     units: Units = "",
     between: Between = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Bode plot into a PNG file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Bode plot into a file: .png, .svg or .pdf.")
+    ] = None,
 ) -> None:
     """Measure the frequency response: points, fit, Bode plot beside what the limit cycle tells."""
     with asking():

@@ -11,6 +11,7 @@ import typer
 
 from seod.commands.answers import asking
 from seod.commands.common import MOST_S, MOST_SEED, MOST_V, CommandError, ConfigPath, app, show
+from seod.commands.quantity import hertz, seconds, volts
 
 MOST_LINES = 1_000_000
 """Lines of a multisine, or cycles: more than any recording has."""
@@ -32,34 +33,26 @@ def simulate(
             help="relay, two-phase, sine, sweep (by octaves), linear-sweep, multisine, steps or file.",
         ),
     ] = "relay",
-    amplitude: Annotated[
-        float | None, typer.Option(metavar="V", min=0.0, max=MOST_V, help="Default: e_a.")
-    ] = None,
+    amplitude: Annotated[float | None, typer.Option(**volts(0.0, MOST_V), help="Default: e_a.")] = None,
     bias: Annotated[
         float | None,
         typer.Option(
-            metavar="V",
-            min=-MOST_V,
-            max=MOST_V,
+            **volts(-MOST_V, MOST_V),
             help="Added to it. Default: relay.bias, and that of the reference speed.",
         ),
     ] = None,
-    duration: Annotated[
-        float | None, typer.Option(metavar="S", min=0.0, max=MOST_S, help="Default: 10 s.")
-    ] = None,
+    duration: Annotated[float | None, typer.Option(**seconds(0.0, MOST_S), help="Default: 10 s.")] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ", min=1e-6, help="Of the sine, or of pairs of steps. Default: by the plant."
-        ),
+        typer.Option(**hertz(1e-6), help="Of the sine, or of pairs of steps. Default: by the plant."),
     ] = None,
     band: Annotated[
         str | None,
-        typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine [Hz]. Default: by the plant."),
+        typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine In Hz. Default: by the plant."),
     ] = None,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", min=1e-3, max=MOST_S, help="Of the multisine. Default: the duration."),
+        typer.Option(**seconds(1e-3, MOST_S), help="Of the multisine. Default: the duration."),
     ] = None,
     lines: Annotated[
         int | None,
@@ -79,11 +72,13 @@ def simulate(
         ),
     ] = None,
     latency: Annotated[
-        float, typer.Option(metavar="S", min=0.0, max=10.0, help="From a sample to the command's leaving.")
+        float, typer.Option(**seconds(0.0, 10.0), help="From a sample to the command's leaving.")
     ] = 0.0,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, max=MOST_SEED, help="Of noise, defects and signal. Default: the rig file's."),
+        typer.Option(
+            min=0, max=MOST_SEED, help="Random seed of noise, defects and signal. Default: the rig file's."
+        ),
     ] = None,
 ) -> None:
     """Write a recording of the simulated rig, and show the truth that is in it."""

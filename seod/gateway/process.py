@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seod.client.nearby import Address, announce
 from seod.config.model import RigConfig
 from seod.gateway.desk import Desk
 from seod.gateway.hub import Hub
@@ -89,6 +90,7 @@ class Gateway:
             ServerError: It cannot listen.
             GatewayError: The process that estimates cannot start, has ended, or hangs.
         """
+        held = None
         loop = asyncio.get_running_loop()
         loop.add_reader(self._observer.fileno(), self._hear_observer)
         loop.add_reader(self._link, self._hear)
@@ -96,6 +98,8 @@ class Gateway:
             await self._first_of(self._observer_ready)
             if not self._ended.is_set():
                 port = await self.server.start()
+                server = self.server.config
+                held = announce(Address(self.desk.config.rig, server.host, port, server.tls is not None))
                 send_json(self._link, {"gateway": "ready", "port": port})
             await self._serve()
         except (GatewayError, ServerError) as error:
@@ -107,6 +111,8 @@ class Gateway:
             loop.remove_reader(self._observer.fileno())
             self._observer.close()
             await self.server.close()
+            if held is not None:
+                held.close()
 
     async def _serve(self) -> None:
         """Until the end: each turn takes what the loop said, and is counted."""

@@ -50,10 +50,7 @@ class Daemon:
         deadline = time.monotonic() + READY_S
         try:
             while not self._answers():
-                if self._process.poll() is not None:
-                    raise RuntimeError(f"the daemon ended: {self.log()}")
-                if time.monotonic() > deadline:
-                    raise RuntimeError(f"the daemon does not answer: {self.log()}")
+                self._check(deadline)
                 time.sleep(0.05)
         except BaseException:
             self.__exit__()
@@ -77,6 +74,12 @@ class Daemon:
     def log(self) -> str:
         """What it has printed."""
         return self._log.read_text("utf-8", "replace")
+
+    def _check(self, deadline: float) -> None:
+        if self._process is not None and self._process.poll() is not None:
+            raise RuntimeError(f"the daemon ended: {self.log()}")
+        if time.monotonic() > deadline:
+            raise RuntimeError(f"the daemon does not answer: {self.log()}")
 
     def _answers(self) -> bool:
         try:

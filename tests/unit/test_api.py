@@ -375,10 +375,11 @@ def guarded(name, globals=None, locals=None, fromlist=(), level=0):
 
 builtins.__import__ = guarded
 import numpy, scipy, scipy.optimize, scipy.signal, pandas, matplotlib.figure, numba, pydantic
-import multiprocessing.context, concurrent.futures, asammdf, pyarrow.parquet, cantools, can, serial
-# what they do is theirs
-for name in ("sched_getaffinity", "sched_setaffinity", "memfd_create", "fork", "sysconf", "sched_setscheduler",
-             "O_CLOEXEC", "O_DIRECTORY", "geteuid", "getuid", "pidfd_open", "eventfd", "fchmod"):
+import multiprocessing.context, concurrent.futures, asammdf, pyarrow.parquet
+import cantools, can, serial  # what they do is theirs
+for name in ("sched_getaffinity", "sched_setaffinity", "memfd_create", "fork", "sysconf",
+             "sched_setscheduler", "O_CLOEXEC", "O_DIRECTORY", "geteuid", "getuid",
+             "pidfd_open", "eventfd", "fchmod"):
     if hasattr(os, name):
         delattr(os, name)
 for name in ("SIGXCPU", "SIGALRM", "SIGKILL", "SIGHUP", "setitimer", "pthread_sigmask"):

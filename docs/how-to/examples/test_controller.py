@@ -2,23 +2,20 @@
 
 import pytest
 
+from seod.client import RequestError
+from seod.client.waiting import start_and_wait
+
 
 def test_the_rig_is_identified(seod_daemon):
     with seod_daemon.client() as rig:
-        for _ in range(100):  # the first samples may be under way
-            try:
-                rig.start()
-                break
-            except Exception:  # noqa: S110
-                pass
-        estimate = next(e for e in rig.estimates(timeout=30) if e["quality"] == "ok")
+        estimate = start_and_wait(rig, "motor", timeout=30)["motor"]
         truth = rig.info()["truth"]["motor"]
     assert estimate["omega_n"] == pytest.approx(truth["omega_n"], rel=0.02)
 
 
 @pytest.mark.seod_rig("virtual", **{"axes.motor.relay.e_a": "0.3 V"})
-def test_a_setting_is_kept_within_the_limits(seod_daemon):
+def test_what_is_beyond_the_limits_is_refused(seod_daemon):
     with seod_daemon.client() as rig:
         assert rig.get()["settings"]["e_a"] == 0.3
-        with pytest.raises(Exception, match="output"):
+        with pytest.raises(RequestError, match="output"):
             rig.set(e_a=5.0)  # more than limits.output
