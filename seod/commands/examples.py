@@ -10,7 +10,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "check": ("seod check rig.yaml",),
     "init": (
         "seod init --virtual --out rig.yaml",
-        "seod init --dbc motor.dbc --interface can0 --out rig.yaml",
+        "seod init --dbc motor.dbc --interface can0 --listen --out rig.yaml",
     ),
     "latency": ("seod latency --for 10", "seod latency --json"),
     "calibrate": ("seod calibrate rig.yaml --dry-run", "seod calibrate rig.yaml --axis motor --pressures 3"),
