@@ -8,6 +8,7 @@ import typer
 
 from seod import PROTOCOL, __version__
 from seod.commands import (  # noqa: F401 - they register themselves
+    begin,
     diagnose,
     identify,
     on_rig,

@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from seod.commands.common import CommandError, ConfigPath, Duration, app, load, plain_errors, show
+from seod.commands.common import CommandError, ConfigPath, Duration, app, load, on_linux, plain_errors, show
+from seod.commands.quantity import seconds
 from seod.config.errors import ConfigErrors
 
 
@@ -26,9 +27,9 @@ def run(
     watch: Annotated[bool, typer.Option("--watch", help="Show live estimates.")] = False,
 ) -> None:
     """Run the daemon in the foreground."""
-    from seod.launch import daemon  # noqa: PLC0415
+    with on_linux():
+        from seod.launch import daemon  # noqa: PLC0415
 
-    with plain_errors():
         try:
             if not (start or watch):
                 daemon.run(path, duration, record)  # replaces this process
@@ -97,7 +98,7 @@ def rig(
     ] = None,
 ) -> None:
     """Be the simulated rig on the other end of the bus or line."""
-    with plain_errors():
+    with on_linux():
         config = load(path)
         if config.simulation is None:
             raise CommandError(f"{path} has no `simulation:` section: there is nothing to simulate")
@@ -118,14 +119,14 @@ def rig(
 @app.command()
 def latency(
     duration: Annotated[
-        float, typer.Option("--for", min=0.1, max=86_400.0, metavar="S", help="Measure for this long.")
+        float, typer.Option("--for", **seconds(0.1, 86_400.0), help="Measure for this long.")
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
 ) -> None:
     """Show how late this machine and the loop wake up, and what to change."""
-    from seod.latency.measure import MeasureError, measure  # noqa: PLC0415 - the whole loop
+    with on_linux():
+        from seod.latency.measure import MeasureError, measure  # noqa: PLC0415 - the whole loop
 
-    with plain_errors():
         try:
             report = measure(duration)
         except MeasureError as error:
@@ -145,10 +146,10 @@ def calibrate(
     as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
 ) -> None:
     """Measure polarity, K_L, null, deadband and delay; write them into the rig file."""
-    from seod.calibrate import shell  # noqa: PLC0415 - numerics
-    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+    with on_linux():
+        from seod.calibrate import shell  # noqa: PLC0415 - numerics
+        from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
 
-    with plain_errors():
         config = load(path)
         if axis is not None and axis not in config.axes:
             raise CommandError(f"no axis {axis!r}; {path} has {', '.join(config.axes)}")

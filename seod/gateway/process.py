@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seod.client.nearby import Address, announce
 from seod.config.model import RigConfig
 from seod.gateway.desk import Desk
 from seod.gateway.hub import Hub
@@ -97,6 +98,7 @@ class Gateway:
             ServerError: It cannot listen.
             GatewayError: The process that estimates cannot start, has ended, or hangs.
         """
+        held = None
         loop = asyncio.get_running_loop()
         loop.add_reader(self._observer.fileno(), self._hear_observer)
         loop.add_reader(self._link, self._hear)
@@ -106,6 +108,8 @@ class Gateway:
                 port = await self.server.start()
                 if self._panel is not None:
                     loop.add_reader(self._panel, self._take_in, self._panel)
+                server = self.server.config
+                held = announce(Address(self.desk.config.rig, server.host, port, server.tls is not None))
                 send_json(self._link, {"gateway": "ready", "port": port})
             await self._serve()
         except (GatewayError, ServerError) as error:
@@ -119,6 +123,8 @@ class Gateway:
                 loop.remove_reader(self._panel)
             self._observer.close()
             await self.server.close()
+            if held is not None:
+                held.close()
 
     async def _serve(self) -> None:
         """Until the end: each turn takes what the loop said, and is counted."""

@@ -10,19 +10,16 @@ import numpy as np
 from sim.truth import numbers
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from seod.simulate.procedure import Simulation
 
 
-def summary(path: Path, simulation: Simulation, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+def summary(simulation: Simulation, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
     """JSON-able; K_L in the axis' unit, parameters of effects in the plant's."""
     t, y = columns["t"], columns["y"]
     velocity = simulation.view.axis.mode == "velocity"
     return {
-        "file": str(path),
         "rig": simulation.config.rig,
         "axis": simulation.name,
         "output": "velocity" if velocity else "position",

@@ -169,6 +169,7 @@ def test_every_command_of_this_version_is_there():
             "export",
             "identify",
             "response",
+            "init",
         }
         | over_tcp
     )
