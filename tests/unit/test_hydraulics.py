@@ -158,14 +158,14 @@ def test_small_signals_are_what_small_movements_do(base, more, speed):
     omega = 0.8 * small.omega_n
     slow = small.omega_n * (small.zeta - math.sqrt(max(0.0, small.zeta**2 - 1.0)))
     tick = 2 * math.pi / omega / 400
-    t = np.arange(round(10.0 / slow / tick) + 2000) * tick
+    t = np.arange(round(10.0 / slow / tick) + 8000) * tick
     tiny = 1e-2 * abs(small.steady.opening)
     _, s = run(config, t, small.steady.volts + tiny * np.sin(omega * t))
-    wave = np.exp(-1j * omega * t[-2000:])
-    moved, opened = (detrend(s[name][-2000:]) for name in ("velocity", "spool"))
+    wave = np.exp(-1j * omega * t[-8000:])
+    moved, opened = (detrend(s[name][-8000:]) for name in ("velocity", "spool"))
     seen = (moved * wave).mean() / (opened * wave).mean()
     if base is ROD:  # it has moved
-        small = small_signal(record_of(config), speed=speed, position=s["position"][-1000])
+        small = small_signal(record_of(config), speed=speed, position=s["position"][-4000])
     matrices = small.C @ np.linalg.solve(1j * omega * np.eye(len(small.A)) - small.A, small.B)
     assert abs(seen / matrices - 1) < 0.01
 
