@@ -54,7 +54,7 @@ def rig(axes: int, port: int, panel_port: int, rate_hz: float) -> str:
         raw["simulation"]["plants"][f"axis{k}"] = plant | values | {"noise": 1e-3 * scale}
     raw["rig"] = f"panel{os.getpid()}"
     raw["loop"] |= {"rate_hz": rate_hz, "hang_timeout": "1 s"}
-    raw["guard"] |= {"stale": "100 ms", "overruns": {"count": 1000, "window": "100 ms"}}
+    raw["guard"] |= {"stale": "100 ms", "overruns": {"count": 2000, "window": "1 s"}}
     raw["server"] |= {"port": port, "panel_port": panel_port}
     raw["record"] = {"folder": "recordings"}
     return json.dumps(raw)

@@ -150,7 +150,7 @@ def test_controls_command_the_rig_within_its_limits(rig: PanelRig, page: Page) -
 def test_scope_runs_is_triggered_and_keeps_the_past(page: Page) -> None:
     excite(page)
     page.until(lambda: scope_pixels(page) > 2000, "nothing is drawn")
-    page.until(lambda: int(page.text("frames").split()[0] or 0) > 5, "no frames")
+    page.until(lambda: page.js("Number(document.documentElement.dataset.frames || 0)") > 5, "no frames")
     time.sleep(2 if PICTURES else 0)
     picture(page, "panel-scope")
     for mode in ("on the relay's switches", "one shot"):
