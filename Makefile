@@ -11,15 +11,16 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format outputs unit fuzz blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs docs notebook install unit fuzz blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
-test: lint
+test: lint docs
 	$(BIN)/pytest tests/unit -n auto --dist loadfile
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -30,6 +31,24 @@ lint: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# The site, into build/site; a link that leads nowhere is an error.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=true $(BIN)/mkdocs build --strict --quiet
+
+notebook: $(READY)
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
+
+# On a test bench, as Debian's packages lay things out, in an environment of its own: root, or DESTDIR.
+PREFIX ?= /usr/local
+LIB ?= /opt/seod
+install:
+	$(PYTHON) -m venv $(DESTDIR)$(LIB)
+	$(DESTDIR)$(LIB)/bin/pip --disable-pip-version-check --no-input -q install -c requirements.lock .
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)/etc/seod $(DESTDIR)/lib/systemd/system $(DESTDIR)$(PREFIX)/share/seod
+	ln -sf $(LIB)/bin/seod $(DESTDIR)$(PREFIX)/bin/seod
+	install -m 644 systemd/*.service $(DESTDIR)/lib/systemd/system
+	cp -r configs $(DESTDIR)$(PREFIX)/share/seod
 
 # What commands print, into the pages that show it.
 outputs: $(READY)
