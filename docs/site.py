@@ -1,6 +1,6 @@
-"""What MkDocs adds to the pages: reference pages made from the program, links that leave the documents.
+"""What MkDocs adds: reference pages made from the program, and links that leave the documents.
 
-A page of the repository that is none of the site's, such as `../configs/virtual.yaml`, is named and not linked.
+A file of the repository that is no page, such as `../configs/virtual.yaml`, is named and not linked.
 """
 
 from __future__ import annotations
@@ -11,6 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File
+from typer.testing import CliRunner
+
+from seod.cli import app
+from sim.effects import EFFECTS
 
 REPO = Path(__file__).parents[1]
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\((?:\.\./)+((?!docs/)[^)\s]+)\)")
@@ -40,11 +44,6 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 def commands() -> str:
     """Every command with its options, as `--help` tells them."""
-    import click  # noqa: F401 - typer's
-    from typer.testing import CliRunner
-
-    from seod.cli import app
-
     lines = ["# Commands", "", "Options that are numbers take a unit: `0.5`, `400 mV`, `4 ms`.", ""]
     for command in app.registered_commands:
         name = command.name or command.callback.__name__.rstrip("_")
@@ -88,8 +87,6 @@ def _cell(text: str) -> str:
 
 def causes() -> str:
     """What a diagnosis can name, with its physics and its parameters."""
-    from sim.effects import EFFECTS
-
     lines = [
         "# Causes and effects",
         "",

@@ -93,8 +93,8 @@ def own_packages() -> None:
         if found != Path(__file__).parent.parent:
             where = spec.origin if spec is not None and spec.origin else "nowhere"
             raise ImportError(
-                f"seod's package {name!r} is hidden by another one ({where}): install seod into an environment "
-                "of its own, such as pipx makes, and start it elsewhere"
+                f"seod's package {name!r} is hidden by another ({where}): give seod an environment of its "
+                "own, as pipx does, and start it in another folder"
             )
 
 
