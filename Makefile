@@ -15,16 +15,17 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches audit sbom release
-.PHONY: run test lint format outputs unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
-test: lint
+test: lint docs
 	$(BIN)/pytest tests/unit -n auto --dist loadfile
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
 	$(BIN)/python bench/fuzz.py --for 3 --target jsonrpc,can,serial,text,rig
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -35,6 +36,13 @@ lint: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# The site, into build/site; a link that leads nowhere is an error.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=true $(BIN)/mkdocs build --strict --quiet
+
+notebook: $(READY)
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
 
 # What commands print, into the pages that show it.
 outputs: $(READY)

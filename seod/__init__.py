@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -75,7 +77,25 @@ def offered(name: str) -> Any:
     Raises:
         KeyError: Nothing.
     """
+    own_packages()
     return getattr(import_module(_OFFERED[name]), name)
+
+
+def own_packages() -> None:
+    """Ask whether `drivers` and `sim` are the ones that came with seod, not another project's.
+
+    Raises:
+        ImportError: Another one comes first; says where it is.
+    """
+    for name in ("drivers", "sim"):
+        spec = find_spec(name)
+        found = Path(spec.origin).parent.parent if spec is not None and spec.origin else None
+        if found != Path(__file__).parent.parent:
+            where = spec.origin if spec is not None and spec.origin else "nowhere"
+            raise ImportError(
+                f"seod's package {name!r} is hidden by another ({where}): give seod an environment of its "
+                "own, as pipx does, and start it in another folder"
+            )
 
 
 def __getattr__(name: str) -> Any:

@@ -84,7 +84,7 @@ def test_a_board_on_a_line_gets_its_port_and_its_limits(tmp_path):
         (["--dbc", DBC, "--rate", 500, "--sensor", "Encoder.counter", *words()], "has no unit"),
         (
             ["--dbc", configs_dir() / "seat.dbc", "--rate", 500, *words()],
-            "choose one by --sensor MESSAGE.SIGNAL",
+            "choose one by --output MESSAGE.SIGNAL",
         ),
         (["--dbc", configs_dir() / "virtual.yaml", "--rate", 500, *words()], "cannot be read as a DBC"),
     ],
