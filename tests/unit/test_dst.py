@@ -27,7 +27,7 @@ SECONDS = 10.0
 SEEDS = 4
 """A test; `make dst SEEDS=1000` runs more."""
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 @pytest.mark.parametrize("first", range(1, 25, SEEDS))
