@@ -216,13 +216,13 @@ class Bench:
             machine = self._machine(pressure / self.nominal_pa, bias)
             noise = np.random.default_rng([seed, NOISE, number]).normal(0.0, self.noise, len(t))
             y = machine.follow(t, u, t, noise, (np.full(len(t), pressure / self.nominal_pa), NONE, NONE))
-            seen = self.view.readings(y)
+            seen: Array = y * self.view.slope if self.clean else self.view.readings(y)
             if output == "position":
                 seen = _without_drift(t, seen, round(period / TICK_S))
             segments.append(
                 Segment.of("multisine", t, u, seen, t, output=output, period=period).after(period)
             )
-        return respond(segments, K_L, None, self.view.sensor.lag)
+        return respond(segments, K_L, None, self.lag)
 
 
 def _area(t: Array, speed: Array, reference: Array) -> Array:

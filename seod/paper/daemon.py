@@ -112,6 +112,7 @@ class Daemon:
         if "two-phase" in self._axes:
             self._second = TwoPhase(self._axes["two-phase"], self._post, lambda _code, _why: None)
         self._ids = 0
+        self._asked: set[int] = set()
         self.told = Told({method: [] for method in methods})
         if settings:
             self.set(**settings)
@@ -164,6 +165,7 @@ class Daemon:
         self.told = Told({method: [] for method in self._axes})
 
     def _command(self, op: str, values: dict[str, Any]) -> None:
+        self._asked.add(self._ids + 1)
         self._post(op, values)
         self.run(self._pacer.period)
 
@@ -196,7 +198,7 @@ class Daemon:
             self._second.heard(event)
         if kind == "fault":
             raise PaperError(f"rig {self.config.rig}: {event['code']}: {event['why']}")
-        if kind == "reply" and event["error"] and not event["error"].startswith(f"{self.name}: "):
+        if kind == "reply" and event["error"] and event["id"] in self._asked:
             raise PaperError(f"rig {self.config.rig}: {event['error']}")
         if kind == "state" and event["axis"] == self.name:
             for axis in self._axes.values():

@@ -93,7 +93,8 @@ def point(
         sizes: Peak voltages of the frequency response [V].
         band: Of it [Hz].
     """
-    bench, settings = Bench(name, axis), {"reference": speed} if speed else {}
+    bench = Bench(name, axis)
+    settings: dict[str, Any] = {"reference": speed} if bench.velocity else {}
     found: Numbers = {"ps": ps, "speed": speed, "small_signal": bench.true(ps, speed)}
     with Daemon(at_pressure(name, axis, ps), axis, LIVE, settings=settings or None) as daemon:
         daemon.start()

@@ -144,7 +144,13 @@ def test_parts():
     assert answer([])["quality"] == "no_oscillation"
 
 
-def test_pictures_numbers_and_page_are_the_same_bytes_twice(tmp_path: Path):
+@pytest.fixture(scope="module")
+def fonts(tmp_path_factory):
+    """matplotlib opens its fonts once and keeps them."""
+    command.write(NUMBERS, tmp_path_factory.mktemp("fonts"))
+
+
+def test_pictures_numbers_and_page_are_the_same_bytes_twice(tmp_path: Path, fonts):
     first, second = (command.write(NUMBERS, tmp_path / name) for name in ("a", "b"))
     assert {path.suffix for path in first} == {".svg", ".png", ".json", ".html"}
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
