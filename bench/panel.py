@@ -207,7 +207,8 @@ def run(given: argparse.Namespace, port: int, panel_port: int) -> None:
                 time.sleep(2.0)
                 found.append(watch(client, page, part) | {"alone": alone})
             print({key: round(value, 3) for key, value in found[-1].items()}, flush=True)
-        recorder = client.call("record", on=False)
+        recorder = client.status()["health"]["recorder"]
+        client.call("record", on=False)
         with chromium() as page:
             page.driver.get(f"http://127.0.0.1:{panel_port}/")
             page.until(lambda: page.text("link") == "live", "never live", PATIENCE_S)
@@ -226,7 +227,7 @@ def tell(found: list[dict[str, Any]], delays: list[float], recorder: dict[str, A
     print(
         f"loop p99 with the page over without: {ratio:.2f}, median of {len(found)} pairs (goal: at most 1.1)"
     )
-    print(f"rows lost: {sum(e['lost'] for e in found)}; recorder: {recorder}")
+    print(f"rows lost: {sum(e['lost'] for e in found)}, by the recorder {recorder['lost']} (goal: 0)")
     print(f"click to neutral [ms]: median {statistics.median(delays):.1f}, most {max(delays):.1f} (goal: 50)")
 
 

@@ -107,8 +107,6 @@ class Supervisor:
         """Until a signal, the end of the time, or a failure that leaves nothing to supervise."""
         self.start_gateway()
         self.start_loop()
-        if self.panel is not None:
-            self.panel.start()
         while not self.ending:
             for fd, _ in self.poller.poll(self.poll_s * 1e3):
                 self.serve(fd)
@@ -252,6 +250,8 @@ class Supervisor:
         if self.arguments.duration is not None:
             self.ends_at = time.monotonic() + self.arguments.duration
         notify(f"READY=1\nSTATUS={self.arguments.rig}: running")
+        if self.panel is not None:  # now: it must not hold up what the rig depends on
+            self.panel.start()
 
     def watch_ticks(self) -> None:
         """A loop that is ready but does not tick is fenced; a rig without a loop is held at neutral."""
