@@ -121,6 +121,12 @@ def test_a_gateway_that_starts_after_the_loop_died_knows_of_it() -> None:
     assert any("loop process killed by signal 9 (SIGKILL); neutral written" in line for line in outcome.trace)
 
 
+def test_an_interface_that_goes_while_it_is_off_the_bus_is_taken_again() -> None:
+    """Found by seed 3004: nobody told the new socket that the controller was on the bus."""
+    faults = [Fault(5.0, "bus_off", {"for": 0.3}), Fault(5.2, "gone", {"for": 0.3})]
+    assert not run(1, 4.0, faults).failures
+
+
 def test_a_failing_run_is_shrunk_to_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     _no_neutral_by_the_supervisor(monkeypatch)
     cause = Fault(5.0, "kill", {"who": "loop", "points": 0})
