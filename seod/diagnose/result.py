@@ -222,8 +222,7 @@ class Account:
         shown_by: How the systematic part is known.
         noise_order: Of the autoregression that the rest is; 0 of white noise.
         noise_correlation_s: Its correlation time [s].
-        asked: The recording could have shown a systematic part. Windows of a sweep are too unlike each other,
-            and short windows of a slow residual are too few independent samples.
+        asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other.
     """
 
     explained: float

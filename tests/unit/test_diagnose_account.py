@@ -8,7 +8,6 @@ import pytest
 from diagnose_truth import RATE, linear, recording
 from scipy.signal import lfilter
 
-from seod.diagnose.account.account import systematic
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.noise_colour import colour
@@ -121,16 +120,6 @@ def test_two_windows_held_out_are_enough(driven):
     share = foretold(parts, PLANT).share
     assert share.significant
     assert share.square < mean_square([one for one in parts if one.held_out])
-
-
-def test_few_independent_samples_show_nothing(driven):
-    u, states, _effect = driven
-    slow = parts_of(u, coloured(0.99, 0.1), states)
-    assert foretold(parts_of(u, coloured(0.9, 0.1), states), PLANT).enough
-    assert not foretold(slow, PLANT).enough
-    every = [series(recording(u[::-1], states[2]))]
-    alone = systematic(slow, every, PLANT)
-    assert alone.asked == (repeats(every, slow) is not None)
 
 
 def test_what_repeats_with_the_command_is_told_by_its_size():

@@ -31,7 +31,7 @@ class Shown(NamedTuple):
         part: Of the squared error [0 to 1].
         by: How it is known.
         noise: Of the rest.
-        asked: The recording could have shown it: the command repeats, or windows are alike and long enough.
+        asked: The recording could have shown it: the command repeats, or windows are alike.
     """
 
     part: float
@@ -85,8 +85,7 @@ def accounted(
 def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     again, box = repeats(every, parts), foretold(parts, plant)
-    alike = box is not None and box.enough and not all(sweeps(one.t, one.u) for one in every)
-    asked = again is not None or alike
+    asked = again is not None or (box is not None and not all(sweeps(one.t, one.u) for one in every))
     total = mean_square([one for one in parts if one.held_out])
     shown = Shown(0.0, "nothing", NoiseColour((), 0.0, 1.0), asked)
     rest: Sequence[WindowResidual] = parts

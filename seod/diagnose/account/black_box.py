@@ -31,12 +31,10 @@ class Foretold(NamedTuple):
     Attributes:
         share: Its mean square.
         rest: What is left of the windows.
-        enough: There are more independent samples than terms: what is systematic could have been foretold.
     """
 
     share: Share
     rest: list[WindowResidual]
-    enough: bool
 
 
 def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
@@ -63,10 +61,7 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
     every = compared(before, after, scored, count)
     new = [k for k, one in enumerate(parts) if one.held_out]
     share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
-    independent = sum(float(each.sum()) for each in scored) / colour(parts).correlation
-    return Foretold(
-        replace(share, score=every.score, limit=every.limit), rest, independent > weights.shape[1]
-    )
+    return Foretold(replace(share, score=every.score, limit=every.limit), rest)
 
 
 def _products(columns: Array) -> Array:

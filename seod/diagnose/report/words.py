@@ -108,7 +108,7 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
     if not account.asked:
         yield (
             f"Of the baseline's squared error {explained} is explained. Of the rest nobody can tell what is "
-            "systematic: the command sweeps, so that no two windows are alike, or the recording is too short."
+            "systematic: the command sweeps, no two windows are alike."
         )
         return
     least = "at least " if account.systematic > 0.0 else ""
