@@ -19,12 +19,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 
 import argparse
 import math
-import re
-import sys
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import accuracy_runs
+import kept_runs
 from accuracy_cases import GRID, PLANTS, Case, about_the_plants
 from accuracy_plots import draw
 from accuracy_runs import BLOCK
@@ -44,23 +42,6 @@ def tasks(options: argparse.Namespace) -> list[tuple[Case, int]]:
     return [(case, k) for k in range(max(counts.values())) for case, n in counts.items() if k < n]
 
 
-def work(options: argparse.Namespace, digest: str) -> None:
-    """Do what the file does not hold yet."""
-    done = accuracy_runs.read(options.file, digest)
-    wanted = [(case, block) for case, block in tasks(options) if re.search(options.only, case.name)]
-    left = [(case, block) for case, block in wanted if block not in done.get(case.name, {})]
-    print(f"{len(left)} blocks of {BLOCK} runs to do; sources {digest}", file=sys.stderr)
-    with ProcessPoolExecutor(options.processes) as pool, options.file.open("a") as file:
-        if file.tell():
-            file.write("\n")  # ends a line that was cut short
-        cases, blocks = [case for case, _ in left], [block for _, block in left]
-        for k, text in enumerate(pool.map(accuracy_runs.line, cases, blocks, [digest] * len(left)), 1):
-            file.write(text + "\n")
-            file.flush()
-            if k % 20 == 0 or k == len(left):
-                print(f"{k} of {len(left)}", file=sys.stderr, flush=True)
-
-
 def tables(found: Found) -> dict[str, str]:
     """By the names that the document gives them."""
     return {
@@ -70,14 +51,6 @@ def tables(found: Found) -> dict[str, str]:
         "varied-zeta": varied(found, 1),
         "varied-omega_n": varied(found, 0),
     }
-
-
-def put(text: str, parts: dict[str, str]) -> str:
-    """A document with its tables between `<!-- name -->` and `<!-- end -->` exchanged."""
-    for name, part in parts.items():
-        before, mark, rest = text.partition(f"<!-- {name} -->\n")
-        text = before + mark + part + rest[rest.index("<!-- end -->") :] if mark else text
-    return text
 
 
 def main() -> None:
@@ -93,16 +66,8 @@ def main() -> None:
     options = parser.parse_args()
     digest = accuracy_runs.sources()
     if not options.doc:
-        work(options, digest)
-    kept = accuracy_runs.read(options.file, None if options.doc else digest)
-    found = {name: [x for block in blocks.values() for x in block] for name, blocks in kept.items()}
-    parts = tables(found)
-    if options.doc:
-        for page in DOCS.glob("accuracy*.md"):
-            page.write_text(put(page.read_text(), parts))
-        draw(found, DOCS / "img")
-    else:
-        print("\n\n".join(f"{name}\n\n{part}" for name, part in parts.items()))
+        kept_runs.work(accuracy_runs, tasks(options), options, digest)
+    kept_runs.tell(options, accuracy_runs, digest, tables, draw, (DOCS, "accuracy*.md"))
 
 
 if __name__ == "__main__":

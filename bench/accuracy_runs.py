@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import baselines
+import kept_runs
 import numpy as np
 from accuracy_cases import TICK, Case
 from accuracy_truth import CYCLES, K_L, Run, bound, make
@@ -119,31 +119,8 @@ def line(case: Case, block: int, digest: str) -> str:
 
 
 def read(path: Path, digest: str | None) -> dict[str, dict[int, list[Heard]]]:
-    """What a file holds by case and block, but for a line cut short at the end.
-
-    Args:
-        path: There may be none yet.
-        digest: Of the sources whose results count; None: of each case those of its newest line.
-    """
-    lines = (
-        [kept for text in path.read_text().splitlines() if (kept := parsed(text))] if path.exists() else []
-    )
-    newest = {kept["case"]: kept["digest"] for kept in lines}
-    found: dict[str, dict[int, list[Heard]]] = {}
-    for kept in lines:
-        if kept["digest"] == (digest or newest[kept["case"]]):
-            heard = [Heard(limit, {k: Said(*x) for k, x in said.items()}) for limit, said in kept["heard"]]
-            found.setdefault(kept["case"], {})[kept["block"]] = heard
-    return found
-
-
-def parsed(text: str) -> dict[str, Any] | None:
-    """A line of the file; None where it was cut short."""
-    try:
-        kept: dict[str, Any] = json.loads(text)
-    except json.JSONDecodeError:
-        return None
-    return kept
+    """What a file holds by case and block (`kept_runs.read`)."""
+    return kept_runs.read(path, digest, lambda one: Heard(one[0], {k: Said(*x) for k, x in one[1].items()}))
 
 
 def sources() -> str:
@@ -151,9 +128,4 @@ def sources() -> str:
     here = Path(__file__).parent
     paths = [*sorted((here.parent / "seod" / "estimate").rglob("*.py")), here / "baselines.py"]
     paths += [here / f"accuracy_{name}.py" for name in ("cases", "truth", "runs")]
-    return digest_of(paths)
-
-
-def digest_of(paths: list[Path]) -> str:
-    """Of the files' contents, twelve digits."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:12]
+    return kept_runs.digest_of(paths)

@@ -20,13 +20,10 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would only wake each other
 
 import argparse
-import re
-import sys
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+import kept_runs
 import league_runs
-from accuracy import put
 from league_cases import GRID, QUICK, VARIED
 from league_plots import draw
 from league_runs import BLOCK, COMPARED
@@ -42,23 +39,6 @@ def tasks(options: argparse.Namespace) -> list[tuple[object, int]]:
     cases = list(dict.fromkeys([*GRID, *VARIED]))
     blocks = {case: -(-options.runs // BLOCK) if case.noise else 1 for case in cases}
     return [(case, k) for k in range(max(blocks.values())) for case, n in blocks.items() if k < n]
-
-
-def work(options: argparse.Namespace, digest: str) -> None:
-    """Do what the file does not hold yet."""
-    done = league_runs.read(options.file, digest)
-    wanted = [(case, block) for case, block in tasks(options) if re.search(options.only, case.name)]
-    left = [(case, block) for case, block in wanted if block not in done.get(case.name, {})]
-    print(f"{len(left)} blocks of {BLOCK} runs to do; sources {digest}", file=sys.stderr)
-    with ProcessPoolExecutor(options.processes) as pool, options.file.open("a") as file:
-        if file.tell():
-            file.write("\n")  # ends a line that was cut short
-        cases, blocks = [case for case, _ in left], [block for _, block in left]
-        for k, text in enumerate(pool.map(league_runs.line, cases, blocks, [digest] * len(left)), 1):
-            file.write(text + "\n")
-            file.flush()
-            print(f"\r{k} of {len(left)}", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
 
 
 def tables(found: Found) -> dict[str, str]:
@@ -89,16 +69,8 @@ def main() -> None:
     options = parser.parse_args()
     digest = league_runs.sources()
     if not options.doc:
-        work(options, digest)
-    kept = league_runs.read(options.file, None if options.doc else digest)
-    found = {name: [x for block in blocks.values() for x in block] for name, blocks in kept.items()}
-    parts = tables(found)
-    if options.doc:
-        for page in DOCS.glob("league*.md"):
-            page.write_text(put(page.read_text(), parts))
-        draw(found, DOCS / "img")
-    else:
-        print("\n\n".join(f"{name}\n\n{part}" for name, part in parts.items()))
+        kept_runs.work(league_runs, tasks(options), options, digest)
+    kept_runs.tell(options, league_runs, digest, tables, draw, (DOCS, "league*.md"))
 
 
 if __name__ == "__main__":

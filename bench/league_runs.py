@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import kept_runs
 from accuracy_cases import TICK, Case
-from accuracy_runs import digest_of, parsed
 from accuracy_truth import CYCLES, E_A, K_L, Run, bound, cycles_of, make
 from league_cases import two_phases, unequal_levels
 from league_rivals import TABLE
@@ -133,22 +133,8 @@ def line(case: Case, block: int, digest: str) -> str:
 
 
 def read(path: Path, digest: str | None) -> dict[str, dict[int, list[Heard]]]:
-    """What a file holds by case and block, but for a line cut short at the end.
-
-    Args:
-        path: There may be none yet.
-        digest: Of the sources whose results count; None: of each case those of its newest line.
-    """
-    lines = (
-        [kept for text in path.read_text().splitlines() if (kept := parsed(text))] if path.exists() else []
-    )
-    newest = {kept["case"]: kept["digest"] for kept in lines}
-    found: dict[str, dict[int, list[Heard]]] = {}
-    for kept in lines:
-        if kept["digest"] == (digest or newest[kept["case"]]):
-            heard = [{name: Said(*x) for name, x in said.items()} for said in kept["heard"]]
-            found.setdefault(kept["case"], {})[kept["block"]] = heard
-    return found
+    """What a file holds by case and block (`kept_runs.read`)."""
+    return kept_runs.read(path, digest, lambda said: {name: Said(*x) for name, x in said.items()})
 
 
 def sources() -> str:
@@ -161,4 +147,4 @@ def sources() -> str:
     paths += [
         here / f"{name}.py" for name in ("accuracy_cases", "accuracy_truth", "league_cases", "league_runs")
     ]
-    return digest_of(paths)
+    return kept_runs.digest_of(paths)

@@ -21,6 +21,7 @@ import accuracy
 import accuracy_runs
 import accuracy_truth
 import baselines
+import kept_runs
 from accuracy_cases import GRID, PLANTS, TICK, Case, about_the_plants
 from accuracy_runs import Heard, Said, hear
 from accuracy_summary import summary, wilson
@@ -203,22 +204,22 @@ def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch):
                 heard = [Heard([1.0, 1.0], said)]
                 yield json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
-    monkeypatch.setattr(accuracy, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(kept_runs, "ProcessPoolExecutor", Pool)
     options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", processes=1)
-    accuracy.work(options, "abc")
+    kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "abc")
     assert len(asked) == 6
     kept = options.file.read_text()
     options.file.write_text(kept[: kept.rindex("heard")])  # as if it had been killed in the last line
-    accuracy.work(options, "abc")
+    kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "abc")
     assert len(asked) == 7
-    accuracy.work(options, "other sources")
+    kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "other sources")
     assert len(asked) == 13
     found = accuracy_runs.read(options.file, "abc")
     assert sorted(map(len, found.values())) == [2, 2, 2]
     options.only = PLAIN[0].name
-    accuracy.work(options, "abc")
+    kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "abc")
     assert len(asked) == 13
-    accuracy.work(options, "newest")
+    kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "newest")
     assert len(asked) == 15
     assert {len(blocks) for blocks in accuracy_runs.read(options.file, None).values()} == {2}
     assert found[PLAIN[0].name][1][0].said["wave"].quality == "ok"
@@ -243,6 +244,6 @@ def test_wilsons_interval_is_the_published_one():
 
 def test_tables_are_put_in_their_places():
     text = "a\n<!-- one -->\nold\n<!-- end -->\nb\n<!-- two -->\n<!-- end -->\n"
-    assert accuracy.put(text, {"one": "new\n", "two": "2\n", "none": "x"}) == (
+    assert kept_runs.put(text, {"one": "new\n", "two": "2\n", "none": "x"}) == (
         "a\n<!-- one -->\nnew\n<!-- end -->\nb\n<!-- two -->\n2\n<!-- end -->\n"
     )

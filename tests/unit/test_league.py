@@ -13,6 +13,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[2] / "bench"))
 
+import kept_runs
 import league
 import league_runs
 import league_summary
@@ -243,15 +244,15 @@ def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch, capsys):
                 heard = [{"wave": Said("ok", [1.0, 1.0], [0.0, 1.0, 0.0, 1.0])}]
                 yield json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
-    monkeypatch.setattr(league, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(kept_runs, "ProcessPoolExecutor", Pool)
     options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", processes=1, runs=20)
-    league.work(options, "abc")
+    kept_runs.work(league_runs, league.tasks(options), options, "abc")
     assert len(asked) == len(QUICK)
     kept = options.file.read_text()
     options.file.write_text(kept[: kept.rindex("heard")])  # as if it had been killed in the last line
-    league.work(options, "abc")
+    kept_runs.work(league_runs, league.tasks(options), options, "abc")
     assert len(asked) == len(QUICK) + 1
-    league.work(options, "other sources")
+    kept_runs.work(league_runs, league.tasks(options), options, "other sources")
     assert len(asked) == 2 * len(QUICK) + 1
     found = league_runs.read(options.file, "abc")
     assert found[QUICK[0].name][0][0]["wave"].quality == "ok"
