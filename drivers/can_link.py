@@ -167,6 +167,7 @@ class CanLink:
             self.bus_off = ""  # taking the interface down restarts the controller
             self.down = f"{name} is down: `ip link set {self._options.channel} up`"
         elif code in GONE:
+            self.bus_off = ""  # one that comes back has a controller that starts anew
             self.down = f"{name} is gone"
             if self._options.interface == "socketcan":
                 self._drop_bus()

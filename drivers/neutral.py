@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 CAN_EFF_FLAG = 0x80000000
 CANFD_BRS, CANFD_FDF = 0x01, 0x04
 CLASSIC, FLEXIBLE = struct.Struct("=IB3x8s"), struct.Struct("=IBB2x64s")  # can_frame, canfd_frame
+ENOUGH = 2
+"""Frames of a cycle after which neutral has left: the next, and the one after a frame not counted."""
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
 
 
@@ -95,6 +97,8 @@ class SocketcanNeutral:
                     raw.send(frame)
                 except OSError as error:
                     if error.errno in (errno.ENOBUFS, errno.EAGAIN):
+                        if sent >= ENOUGH:
+                            return ""
                         return (
                             f"{self.channel}: only {sent} of {length} neutral frames found room in the queue"
                         )

@@ -126,10 +126,10 @@ def read_command(text: str, outputs: int) -> tuple[int, list[float]]:
     Raises:
         FrameError: It is no command for so many outputs.
     """
-    letter, *words = text.split()
-    if letter != "u" or len(words) != outputs + 1:
+    words = text.split()
+    if words[:1] != ["u"] or len(words) != outputs + 2:
         raise FrameError(f"{text[:40]!r} is no command")
-    return _whole(words[0], 255), [_number(word) for word in words[1:]]
+    return _whole(words[1], 255), [_number(word) for word in words[2:]]
 
 
 def board_version(line: bytes) -> int | None:

@@ -10,8 +10,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from seod.processes.handover import ChildArguments
 
+LOOK_S = 0.25
 STOP_TIMEOUT_S = 3.0
 """A child that has not ended this long after SIGTERM is killed."""
 
@@ -52,12 +55,20 @@ class Child:
         os.close(self.pidfd)
         self.link.close()
 
-    def end(self) -> None:
-        """SIGTERM, and SIGKILL if that does not help in time."""
+    def end(self, meanwhile: Callable[[], None] = lambda: None) -> None:
+        """SIGTERM, and SIGKILL if that does not help in time; `meanwhile` is called now and then."""
         self.signal(signal.SIGTERM)
-        try:
-            self.process.wait(STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
+        if not self._ends(meanwhile):
             self.signal(signal.SIGKILL)
             self.process.wait()
         self.close()
+
+    def _ends(self, meanwhile: Callable[[], None]) -> bool:
+        for _ in range(round(STOP_TIMEOUT_S / LOOK_S)):
+            meanwhile()
+            try:
+                self.process.wait(LOOK_S)
+            except subprocess.TimeoutExpired:
+                continue
+            return True
+        return False

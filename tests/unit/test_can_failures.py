@@ -111,6 +111,18 @@ def test_taking_the_interface_down_and_up_ends_bus_off(rig: Rig) -> None:
     assert rig.bus.commands()[-1][0] == 2.0
 
 
+def test_an_interface_that_goes_while_it_is_off_the_bus_is_taken_again(rig: Rig) -> None:
+    """Nobody tells a new socket that the new interface's controller is on the bus."""
+    rig.error_frame(0x40)
+    rig.tick(1.0)
+    rig.bus.incoming.append(can.CanOperationError("no such device", errno.ENODEV))
+    for _ in range(1000):
+        rig.tick(2.0)
+    assert rig.driver.trouble == ""
+    assert rig.count("reopened") == 1
+    assert rig.bus.commands()[-1][0] == 2.0
+
+
 def test_what_a_failed_interface_held_is_not_waited_for(rig: Rig) -> None:
     rig.bus.echo = False
     for _ in range(3):

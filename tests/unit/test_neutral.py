@@ -64,12 +64,18 @@ def test_the_neutral_cycle_begins_with_the_counter_that_is_expected(
     assert all(frame.values["voltage"] == 0.0 and frame.checksum_ok for frame in decoded)
 
 
+def test_a_queue_with_room_for_the_next_two_counters_takes_neutral(
+    monkeypatch: pytest.MonkeyPatch, rig: Rig
+) -> None:
+    assert neutral_writer(monkeypatch, rig, FakeSocket(room=2)).write(3) == ""
+
+
 def test_the_neutral_writer_says_what_is_wrong_and_takes_a_new_interface(
     monkeypatch: pytest.MonkeyPatch, rig: Rig
 ) -> None:
-    full, gone, new = FakeSocket(room=5), FakeSocket(error=errno.ENODEV), FakeSocket()
+    full, gone, new = FakeSocket(room=1), FakeSocket(error=errno.ENODEV), FakeSocket()
     writer = neutral_writer(monkeypatch, rig, full, gone, new)
-    assert writer.write(0) == "can0: only 5 of 16 neutral frames found room in the queue"
+    assert writer.write(0) == "can0: only 1 of 16 neutral frames found room in the queue"
     full.error = errno.ENETDOWN
     assert writer.write(0) == "can0: fails"
     full.error = errno.ENXIO

@@ -81,7 +81,7 @@ def test_every_command_comes_back(number: int, values: list[float]) -> None:
     assert read == pytest.approx(values, rel=1e-8)
 
 
-@pytest.mark.parametrize("text", ["x 1 2", "u 1", "u 1 2 3", "u 300 2", "u 1 two", "u", "u 1 nan"])
+@pytest.mark.parametrize("text", ["x 1 2", "u 1", "u 1 2 3", "u 300 2", "u 1 two", "u", "u 1 nan", "", " "])
 def test_what_is_no_command_is_refused(text: str) -> None:
     with pytest.raises(FrameError):
         read_command(text, 1)
