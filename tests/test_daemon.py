@@ -151,6 +151,23 @@ def test_dead_gateway_stops_the_rig_and_comes_back(rig_file: Path) -> None:
         daemon.excite()
 
 
+def test_a_gateway_that_starts_after_the_loop_died_knows_of_it(rig_file: Path) -> None:
+    """Else a reset waits for a loop that is not there, for good."""
+    with running(rig_file) as daemon:
+        daemon.excite()
+        gateway = daemon.child("seod.gateway")
+        os.kill(daemon.child("seod.loop"), signal.SIGKILL)
+        until("the fault", lambda: daemon.state() == "fault")
+        os.kill(gateway, signal.SIGKILL)
+        until("another gateway", lambda: find_process("seod.gateway", daemon.program.pid) not in (0, gateway))
+        until("its port", lambda: port_open(daemon.port))
+        daemon.rpc.close()
+        daemon.rpc = Rpc(daemon.port)
+        until("the fault", lambda: daemon.state() == "fault")
+        daemon.rpc.call("reset")
+        daemon.excite()
+
+
 def set_guard(rig_file: Path, **values: str) -> None:
     lines = "".join(f"  {key}: {value}\n" for key, value in values.items())
     text = rig_file.read_text()

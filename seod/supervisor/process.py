@@ -30,6 +30,7 @@ STILL_POLLS = 4
 BEAT_S = 0.02
 """Longest poll: the loop goes to neutral when no turn of ours came for `guard.SUPERVISOR_SILENT_S`."""
 START_TIMEOUT_S = 60.0
+WRITTEN = "neutral written"
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,10 @@ class Supervisor:
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
         self.holding_neutral = False
+        self.fenced = ""
+        """What came of the neutral that was written as the loop was fenced; "" where it was not."""
+        self.death: dict[str, object] = {}
+        """Of the last loop, as the gateway was told; {} while there is one."""
         self.ticks_seen = -1
         self.still = 0
         self.gateway_seen, self.gateway_turned, self.looked = -1, 0.0, 0.0
@@ -166,6 +171,7 @@ class Supervisor:
     def start_loop(self) -> None:
         """Start the next loop process; it takes over writing to the rig once it is ready."""
         self.generation += 1
+        self.death = {}
         self.tell_gateway({"loop": "starting", "generation": self.generation})
         self.loop = self.child("seod.loop")
 
@@ -173,6 +179,8 @@ class Supervisor:
         """Start the gateway process."""
         self.gateway_starts += 1
         self.gateway = self.child("seod.gateway")
+        if self.death:  # which the gateway before knew, and this one could not
+            self.tell_gateway(self.death)
 
     def hear_loop(self, loop: Child) -> None:
         """The loop says how neutral can be written without it, and when it is ready."""
@@ -248,7 +256,7 @@ class Supervisor:
     def fence(self, loop: Child) -> None:
         """Shut the loop out, write neutral, and kill it: a process that is killed never runs again."""
         self.shared.words[Word.FENCE] = self.generation
-        self.write_neutral()
+        self.fenced = self.write_neutral()
         loop.signal(signal.SIGKILL)
         self.still = 0
         loop.ready = False
@@ -258,6 +266,9 @@ class Supervisor:
         self.shared.words[Word.FENCE] = self.generation
         self.holding_neutral = True
         written = self.write_neutral()
+        if self.fenced == WRITTEN:  # just before: now the queue may be full of neutral
+            written = WRITTEN
+        self.fenced = ""
         self.hear_loop(loop)  # its last words may still be under way
         hung, how = loop.failure, loop.end_of()
         why = hung or how
@@ -265,15 +276,14 @@ class Supervisor:
         self.loop = None
         say(f"the loop process {why}; {written}")
         notify(f"STATUS={self.arguments.rig}: fault: the loop process {why}")
-        self.tell_gateway(
-            {
-                "loop": "died",
-                "t": time.monotonic(),
-                "generation": self.generation,
-                "why": f"the loop process {why}",
-                "neutral": written,
-            }
-        )
+        self.death = {
+            "loop": "died",
+            "t": time.monotonic(),
+            "generation": self.generation,
+            "why": f"the loop process {why}",
+            "neutral": written,
+        }
+        self.tell_gateway(self.death)
         if not self.announced and not self.ending:
             self.ending, self.exit_code = True, 1
 
@@ -295,7 +305,7 @@ class Supervisor:
     def write_neutral(self) -> str:
         """Write neutral without the loop; returns what came of it, for people."""
         why = self.neutral.write(self.shared.words[Word.COMMANDS_SENT])
-        return f"neutral not written: {why}" if why else "neutral written"
+        return f"neutral not written: {why}" if why else WRITTEN
 
     def tell_gateway(self, message: dict[str, object]) -> None:
         """Tell the gateway, if there is one."""
@@ -318,16 +328,20 @@ class Supervisor:
             say(f"loop and gateway were not ready within {START_TIMEOUT_S:.0f} s")
             self.ending, self.exit_code = True, 1
 
+    def still_here(self) -> None:
+        """Children may take longer to end than systemd's watchdog waits."""
+        notify("WATCHDOG=1")
+
     def shut_down(self) -> None:
         """Loop first (it writes neutral), our own neutral after it, then the gateway."""
         notify("STOPPING=1")
         if self.loop is not None:
-            self.loop.end()
+            self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
-            self.gateway.end()
+            self.gateway.end(self.still_here)
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()

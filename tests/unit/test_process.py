@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import socket
+import subprocess
 import sys
 from typing import TYPE_CHECKING
 
 from seod.processes.handover import ChildArguments, read_memfd, receive_json, send_json, write_memfd
-from seod.supervisor import sdnotify
+from seod.supervisor import child, sdnotify
 
 if TYPE_CHECKING:
     import pytest
@@ -68,3 +69,23 @@ def test_watchdog_is_fed_four_times_in_its_time(monkeypatch: pytest.MonkeyPatch)
 
 def test_arguments_are_plain_json() -> None:
     assert json.loads(arguments().command("m")[3])["rows"] == 1024
+
+
+def test_a_child_that_does_not_end_is_waited_for_and_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While it is waited for the watchdog must be fed: it waits for less."""
+    monkeypatch.setattr(child, "STOP_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(child, "LOOK_S", 0.05)
+    stubborn = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True)"
+    stubborn += "; time.sleep(60)"
+    mine = child.Child.__new__(child.Child)
+    mine.process = subprocess.Popen([sys.executable, "-c", stubborn], stdout=subprocess.PIPE)
+    mine.pidfd = os.pidfd_open(mine.process.pid)
+    mine.link, theirs = socket.socketpair()
+    theirs.close()
+    assert mine.process.stdout is not None
+    mine.process.stdout.readline()
+    fed: list[int] = []
+    mine.end(lambda: fed.append(1))
+    mine.process.stdout.close()
+    assert len(fed) == 4
+    assert mine.process.returncode == -9
