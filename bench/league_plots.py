@@ -68,9 +68,11 @@ def over_zeta(found: Found) -> plt.Figure:
         places[k].minorticks_off()
         places[k].grid(alpha=0.3)
     figure.legend(
-        *places[0].get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=8
+        *places[0].get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8
     )
-    figure.suptitle("1 % noise, one tick of delay, omega_n Ts = 0.05; the bound is that of wave's window")
+    figure.suptitle(
+        "1 % noise, one tick of delay, omega_n Ts = 0.05; the bound is that of wave's window", fontsize=10
+    )
     return figure
 
 
@@ -87,9 +89,11 @@ def over_noise(found: Found) -> plt.Figure:
         places[k].set_ylim(1e-4, 30)
         places[k].grid(alpha=0.3)
     figure.legend(
-        *places[0].get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=8
+        *places[0].get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8
     )
-    figure.suptitle("geometric mean over zeta 0.1 to 1.5; without noise: what the method itself is wrong by")
+    figure.suptitle(
+        "geometric mean over zeta 0.1 to 1.5; without noise: what the method itself is wrong by", fontsize=10
+    )
     return figure
 
 
@@ -111,9 +115,11 @@ def varied(found: Found) -> plt.Figure:
     places[0].set_yticks(range(len(labels)), [label or "plain" for label in labels])
     places[0].invert_yaxis()
     figure.legend(
-        *places[0].get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=8
+        *places[0].get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8
     )
-    figure.suptitle("1 % noise, geometric mean of the plants; only where all of them have answers")
+    figure.suptitle(
+        "1 % noise, geometric mean of the plants; only where all of them have answers", fontsize=10
+    )
     return figure
 
 
