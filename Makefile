@@ -11,15 +11,21 @@ export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
-.PHONY: run test lint format outputs unit fuzz blind processes vm wheel bench lock clean
+# a wheel is the same bytes whoever builds it, whenever
+export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
+
+.PHONY: install rollback uninstall wheelhouse branches audit sbom release
+.PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
 
 run: $(READY)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
-test: lint
+test: lint docs
 	$(BIN)/pytest tests/unit -n auto --dist loadfile
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
+	$(BIN)/python bench/fuzz.py --for 3 --target jsonrpc,can,serial,text,rig
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -31,6 +37,13 @@ format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+# The site, into build/site; a link that leads nowhere is an error.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=true $(BIN)/mkdocs build --strict --quiet
+
+notebook: $(READY)
+	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
+
 # What commands print, into the pages that show it.
 outputs: $(READY)
 	$(BIN)/python docs/outputs.py
@@ -38,9 +51,17 @@ outputs: $(READY)
 unit: $(READY)
 	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not slow and not processes"
 
+# Bytes by coverage into all that takes them: FOR=600 [s] each; the corpus stays in build/corpus.
+fuzz-bytes: $(READY)
+	$(BIN)/python bench/fuzz.py --for $(or $(FOR),20)
+
 # New random examples for parsers, configurations and estimators: what fails becomes an @example.
 fuzz: $(READY)
 	SEOD_EXAMPLES=new $(BIN)/pytest tests/unit -n auto -m hypothesis
+
+# The whole daemon on simulated time, SEEDS runs with faults; a seed that fails is shrunk and shown.
+dst: $(READY)
+	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1)
 
 blind: $(READY)
 	$(BIN)/pytest tests/blind -n auto
@@ -57,11 +78,50 @@ wheel: $(READY)
 bench: $(READY)
 	for script in bench/*.py; do $(BIN)/python $$script || exit 1; done
 
-# Newest versions within the bounds of pyproject.toml, for all supported Python versions at once.
+# The service: into /opt/seod, as root. WHEELHOUSE=DIR takes wheels from there and needs no network; upgrades in place.
+WHEELHOUSE ?= build/wheelhouse
+SERVICE := $(PYTHON) systemd/install.py
+
+install: $(if $(filter build/wheelhouse,$(WHEELHOUSE)),wheelhouse)
+	$(SERVICE) install --wheelhouse $(WHEELHOUSE)
+
+rollback uninstall:
+	$(SERVICE) $@
+
+# The wheel and all that it needs at run time, as locked: to be copied to a machine without network.
+wheelhouse: $(READY)
+	rm -rf build/wheelhouse
+	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
+	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
+
+# Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.
+GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py
+GUARD_TESTS := dst guard neutral process device_clock loop axes tones signals foreign_commands two_phase_relay velocity
+branches: $(READY)
+	$(BIN)/coverage run --branch --concurrency=greenlet --include='$(GUARDING)' -m pytest -q \
+		$(foreach name,$(GUARD_TESTS),tests/unit/test_$(name).py)
+	$(BIN)/coverage report -m
+
+# Advisories about what is locked. Where PyPI's cannot be reached it says so, and fails only with AUDIT=required.
+audit: $(READY)
+	$(BIN)/pip-audit -r requirements.lock --disable-pip --strict --progress-spinner off || test "$(AUDIT)" != required
+
+# What the daemon is made of, for whoever has to know (CycloneDX).
+sbom: $(READY)
+	mkdir -p build
+	$(BIN)/cyclonedx-py requirements requirements-run.lock --output-reproducible -o build/sbom.json
+
+release: $(READY)
+	.ci/release $(VERSION)
+
+# What is installed, with its hashes, for all supported Python versions at once: requirements-run.lock is what the daemon
+# needs, requirements.lock that and the checks' own. `make lock UPGRADE=--upgrade` takes the newest versions.
 lock: $(READY)
 	$(PIP) install uv
-	$(BIN)/uv pip compile -q --upgrade --universal --python-version 3.11 --extra dev \
+	$(BIN)/uv pip compile -q $(UPGRADE) --universal --python-version 3.11 --extra dev --generate-hashes \
 		--no-header --no-annotate pyproject.toml -o requirements.lock
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes \
+		--no-header --no-annotate -c requirements.lock pyproject.toml -o requirements-run.lock
 
 $(READY): requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "seod needs Python 3.11 or later: apt-get install python3 python3-venv"; exit 1; }

@@ -54,7 +54,7 @@ def rig_file(kind: str, rig: Rig, rate: float, folder: Path) -> dict[str, Any]:
         "rig_watchdog": "500 ms",
         "overruns": {"count": int(rate), "window": "1 s"},
     }
-    told["server"]["port"] = _free_port()
+    told["server"] |= {"port": _free_port(), "panel": False}
     axis, plant = told["axes"]["motor"], told["simulation"]["plants"]["motor"]
     axis["K_L"] = K_L
     axis["relay"] = {"e_a": E_A, "hysteresis": max(3.0 * rig.noise, 0.02) * rig.amplitude}

@@ -71,7 +71,9 @@ def write_config(folder: Path, port: int, token: bool) -> Path:
     raw["axes"]["motor"]["limits"] |= far  # it coasts on from each e-stop
     del raw["simulation"]["plants"]["motor"]["stops"]
     raw["guard"] |= {"stale": "500 ms", "rig_watchdog": "1 s", "overruns": {"count": 2000, "window": "1 s"}}
-    raw["server"] = {"host": "127.0.0.1", "port": port} | ({"command_token": TOKEN} if token else {})
+    raw["server"] = {"host": "127.0.0.1", "port": port, "panel": False} | (
+        {"command_token": TOKEN} if token else {}
+    )
     path = folder / "rig.yaml"
     path.write_text(yaml.safe_dump(raw))
     return path

@@ -41,10 +41,9 @@ class TimedRig(SerialRig):
 
 def main() -> None:
     config = load_rig(Path(sys.argv[1]))
-    compile_plant()
-    rig = TimedRig(
-        SerialOptions.model_validate(config.driver), SimulationConfig.model_validate(config.simulation)
-    )
+    simulation = SimulationConfig.model_validate(config.simulation)
+    compile_plant(simulation)
+    rig = TimedRig(SerialOptions.model_validate(config.driver), simulation)
     rig.open()
     print("ready", time.monotonic(), flush=True)
     freeze_collector()

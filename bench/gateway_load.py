@@ -70,7 +70,8 @@ def rig(axes: int, port: int, method: str, live: bool) -> str:
         values = {"input": f"u{k}", "output": f"y{k}", "zeta": zeta, "omega_n": omega_n}
         raw["simulation"]["plants"][f"a{k}"] = plant | values | {"noise": 1e-3 * scale}
     raw["driver"]["realtime"] = live
-    raw["rig"], raw["server"]["port"] = f"load{os.getpid()}", port
+    raw["rig"] = f"load{os.getpid()}"
+    raw["server"] |= {"port": port, "panel": False}
     return json.dumps(raw)  # it is YAML as well
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 REPO: Final = Path(__file__).parents[1]
-PAGES: Final = (REPO / "README.md", *sorted((REPO / "docs").glob("*.md")))
+PAGES: Final = (REPO / "README.md", *sorted((REPO / "docs").rglob("*.md")))
 SHOWN: Final = re.compile(
     r"```sh\n(?P<commands>(?:(?!```).)*?)```\n\n<!-- printed -->\n```\n(?P<output>.*?)```\n", re.DOTALL
 )

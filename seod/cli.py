@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
 
-from seod import PROTOCOL, __version__
+from seod import PROTOCOL, __version__, own_packages
 from seod.commands import (  # noqa: F401 - they register themselves
+    begin,
     diagnose,
     identify,
     on_rig,
     over_tcp,
+    paper,
     recordings,
     response,
     simulate,
@@ -37,6 +40,10 @@ def options(version: Version = False) -> None:
 
 def main() -> None:
     """Entry point of the command `seod`."""
+    try:
+        own_packages()
+    except ImportError as error:
+        sys.exit(f"seod: {error}")
     app()
 
 

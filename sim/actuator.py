@@ -10,7 +10,9 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING
 
-from sim.config import PlantConfig
+from sim.config import FOLLOWING, PlantConfig
+from sim.hydraulics.live import HydraulicPlant
+from sim.hydraulics.record import record_of
 from sim.parameters import plant_parameters
 from sim.plant import Plant
 from sim.readings import Readings
@@ -21,14 +23,39 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from random import Random
 
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim.hydraulics.parts import Hydraulic
+
 NEUTRAL = 0.0
 """What an amplifier puts out when it is told so, or is told nothing [V]."""
 
 HISTORY = 2000
 """Commands that are remembered."""
 
-FIXED = frozenset({"input", "output", "sensor", "measures", "supply_pressure", "temperature", "enabled_by"})
+FIXED = frozenset(
+    {"input", "output", "sensor", "measures", "supply_pressure", "temperature", "enabled_by", "plant"}
+)
 """What cannot change while the rig runs."""
+
+
+def _record(config: PlantConfig) -> NDArray[np.void]:
+    return plant_parameters(config) if config.hydraulic is None else record_of(config)
+
+
+def make_plant(config: PlantConfig, t: float) -> Plant | HydraulicPlant:
+    """The plant of a rig file's section, standing still at `t` [s]."""
+    kind = Plant if config.hydraulic is None else HydraulicPlant
+    return kind(_record(config), t, config.position)
+
+
+def _merged(parts: Hydraulic, changes: object) -> dict[str, object]:
+    """Sections of a hydraulic plant with new values of some keys."""
+    merged: dict[str, object] = dict(parts)
+    for name, values in changes.items() if isinstance(changes, dict) else ():
+        merged[name] = {**parts.get(name, {}), **values} if isinstance(values, dict) else values
+    return merged
 
 
 class Actuator:
@@ -53,7 +80,7 @@ class Actuator:
     def __init__(self, config: PlantConfig, watchdog_s: float, random: Random, t: float) -> None:
         self.watchdog_s = watchdog_s
         self.config = config
-        self.plant = Plant(plant_parameters(config), t, config.position)
+        self.plant = make_plant(config, t)
         self.readings = Readings(random, config.noise, config.effects)
         self._shown = 0.0
         self.kind = make_sensor(config.sensor, config.measures == "velocity")
@@ -166,10 +193,14 @@ class Actuator:
         new, effects = {**self.config.model_dump(), **values}, values.get("effects")
         if isinstance(effects, dict):
             new["effects"] = {**self.config.effects, **effects}
+        if (parts := values.get("hydraulic")) and self.config.hydraulic:
+            new["hydraulic"] = _merged(self.config.hydraulic, parts)
+        if self.config.hydraulic:
+            new = {name: value for name, value in new.items() if name in values or name not in FOLLOWING}
         config = PlantConfig.model_validate_json(json.dumps(new))
         self.advance(t)
         self.config = config
-        self.plant.change(self.t, plant_parameters(config))
+        self.plant.change(self.t, _record(config))
         self.readings.adopt(config.noise, config.effects)
         if "position" in values:
             self.plant.place(self.t, config.position)

@@ -13,10 +13,20 @@ import sys
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
 
 SOURCES = (
     "compiled.py",
     "effects.py",
+    "hydraulics/closed_loop.py",
+    "hydraulics/flow.py",
+    "hydraulics/live.py",
+    "hydraulics/motion.py",
+    "hydraulics/parts.py",
+    "hydraulics/record.py",
     "kernel.py",
     "parameters.py",
     "physics.py",
@@ -52,13 +62,18 @@ def _fingerprint() -> str:
     """Of the sources that the machine code is made of."""
     digest = hashlib.sha256(f"{version('numba')} {sys.implementation.cache_tag}".encode())
     for name in SOURCES:
-        digest.update(Path(__file__).with_name(name).read_bytes())
+        digest.update((Path(__file__).parent / name).read_bytes())
     return digest.hexdigest()[:16]
 
 
-def is_plant_compiled() -> bool:
-    """Whether a `sim.plant.Plant` begins without compilation."""
-    return are_compiled("plant.arrive", "plant.look")
+REDUCED = ("plant.arrive", "plant.look")
+HYDRAULIC = ("live.feed", "live.sight")
+"""What plants of a rig need of the machine code, by their kind."""
+
+
+def is_plant_compiled(kinds: Collection[str] = ("reduced",)) -> bool:
+    """Whether plants of these kinds, as rig files name them, begin without compilation."""
+    return all(are_compiled(*(HYDRAULIC if kind == "hydraulic" else REDUCED)) for kind in kinds)
 
 
 def are_compiled(*functions: str) -> bool:
@@ -67,21 +82,42 @@ def are_compiled(*functions: str) -> bool:
     return folder is not None and all(any(folder.rglob(f"{name}-*.nbi")) for name in functions)
 
 
-def compile_plant() -> None:
-    """Compile what a `sim.plant.Plant` needs, in a process of its own: this one need not import numba.
+def compile_plant(kinds: Collection[str] = ("reduced",)) -> None:
+    """Compile what plants of these kinds need, in a process of its own: this one need not import numba.
 
     Raises:
         subprocess.CalledProcessError: It failed; its stderr tells why.
     """
-    subprocess.run([sys.executable, "-m", "sim.cache"], check=True, stdin=subprocess.DEVNULL)
+    command = [sys.executable, "-m", "sim.cache", *kinds]
+    subprocess.run(command, check=True, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
 
 
 def main() -> None:
-    """Have a plant once."""
-    from sim.parameters import parameters  # noqa: PLC0415 - whoever asks for the folder needs none of it
-    from sim.plant import Plant  # noqa: PLC0415 - numba
+    """Have a plant of each kind once."""
+    if "hydraulic" in sys.argv[1:]:
+        _have_hydraulic()
+    if "hydraulic" not in sys.argv[1:] or "reduced" in sys.argv[1:]:
+        from sim.parameters import parameters  # noqa: PLC0415 - whoever asks for the folder needs none of it
+        from sim.plant import Plant  # noqa: PLC0415 - numba
 
-    Plant(parameters(1.0, 1.0, 1.0))
+        Plant(parameters(1.0, 1.0, 1.0))
+
+
+def _have_hydraulic() -> None:
+    from sim.config import PlantConfig  # noqa: PLC0415 - whoever asks for the folder needs none of it
+    from sim.hydraulics.live import HydraulicPlant  # noqa: PLC0415 - numba
+    from sim.hydraulics.record import record_of  # noqa: PLC0415 - numba
+
+    parts = {
+        "supply": {"pressure": 7e6},
+        "valve": {"rated_flow": 5e-4},
+        "motor": {"displacement": 1e-5, "volume": 1e-4},
+        "load": {"inertia": 1.0},
+    }
+    plant = PlantConfig.model_validate(
+        {"plant": "hydraulic", "input": "u", "output": "y", "hydraulic": parts}
+    )
+    HydraulicPlant(record_of(plant))
 
 
 if __name__ == "__main__":

@@ -196,6 +196,6 @@ def run(
             "driver.interface: virtual exists only within one process, so a rig in another cannot be reached "
             "through it; use interface: socketcan with a vcan channel, or driver.kind: virtual"
         )
-    compile_plant()
+    compile_plant(simulation)
     port = simulation.control_port if control_port is None else control_port
     serve(CanRig(options, simulation), port, duration, {"channel": options.channel})

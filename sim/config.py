@@ -2,21 +2,55 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sim.effect_config import Effects
 from sim.effects import contradiction
+from sim.hydraulics.linear import small_signal
+from sim.hydraulics.parts import Hydraulic
+from sim.hydraulics.parts import contradiction as unsound
+from sim.hydraulics.record import record_of, unfit
 from sim.sensor_config import AnySensor, Finite, IncrementalEncoderTruth, NonNegative, Positive
+
+FOLLOWING = ("K_L", "omega_n", "zeta")
+"""What follows from the parts of a hydraulic plant."""
+UNKNOWN = sys.float_info.min
+"""Stands for one of these until the parts are known."""
+REDUCED = ("transport_delay", "sensor_lag", "sensor_quantization")
+"""Effects of a hydraulic plant that its reduced one keeps."""
+AGREES = 1e-6
+"""Part by which one that is written all the same may be off."""
+
+
+def _own_schema(schema: dict[str, Any]) -> None:
+    """K_L, omega_n and zeta are required of a reduced plant alone, `hydraulic` of the other."""
+    schema["required"] = [name for name in schema["required"] if name not in FOLLOWING]
+    kind = {"properties": {"plant": {"const": "hydraulic"}}, "required": ["plant"]}
+    schema |= {"if": kind, "then": {"required": ["hydraulic"]}, "else": {"required": list(FOLLOWING)}}
 
 
 class PlantConfig(BaseModel):
-    """One actuator: G_L of Eq. 1 from volts to velocity, position its integral, and what else is in it."""
+    """One actuator: G_L of Eq. 1 from volts to velocity, position its integral, and what else is in it.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+    With `plant: hydraulic` it is described by its parts instead, from which K_L, omega_n and zeta follow.
+    """
 
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        use_attribute_docstrings=True,
+        json_schema_extra=_own_schema,
+    )
+
+    plant: Literal["reduced", "hydraulic"] = "reduced"
+    """Eq. 1 with effects, or valve, chambers and load in physical units."""
+    hydraulic: Hydraulic | None = None
+    """Parts of a hydraulic plant."""
     input: str
     """Channel of the command voltage."""
     output: str
@@ -50,6 +84,47 @@ class PlantConfig(BaseModel):
     """Constant that tells the oil's temperature [K, or deg C]."""
     nominal_temperature: Finite | None = None
     """Its number [K, or deg C] at which K_L, omega_n and zeta are what is written here."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _parts_tell_the_rest(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("plant") == "hydraulic":
+            return {**dict.fromkeys(FOLLOWING, UNKNOWN), **data}
+        return data
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> PlantConfig:
+        if (self.plant == "hydraulic") != (self.hydraulic is not None):
+            raise ValueError("`plant: hydraulic` and a section `hydraulic:` go together: give both or none")
+        if self.hydraulic is None:
+            return self
+        if wrong := unsound(self.hydraulic):
+            raise ValueError(f"hydraulic: {wrong}")
+        if wrong := unfit(self.effects):
+            raise ValueError(f"effects: {wrong}")
+        self._follow_from_parts()
+        return self
+
+    def _follow_from_parts(self) -> None:
+        try:
+            small = small_signal(record_of(self), position=self.position)
+        except ValueError as error:
+            raise ValueError(f"hydraulic: {error}") from error
+        for name in FOLLOWING:
+            follows, told = getattr(small, name), getattr(self, name)
+            if told != UNKNOWN and abs(told - follows) > AGREES * abs(follows):
+                raise ValueError(
+                    f"{name}: of a hydraulic plant it follows from the parts, {follows:.6g}: leave it out"
+                )
+            self.__dict__[name] = follows
+
+    @property
+    def reduced(self) -> PlantConfig:
+        """The plant of Eq. 1 that comes nearest to it for small movements; a reduced one is that itself."""
+        if self.hydraulic is None:
+            return self
+        kept = {name: values for name, values in self.effects.items() if name in REDUCED}
+        return self.model_copy(update={"plant": "reduced", "hydraulic": None, "effects": kept})
 
     @property
     def index_channel(self) -> str | None:
@@ -122,6 +197,11 @@ class SimulationConfig(BaseModel):
 
     board: BoardConfig = BoardConfig()
     """Where `seod rig` speaks on a serial line."""
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kinds of its plants."""
+        return sorted({plant.plant for plant in self.plants.values()})
 
     @property
     def enabling_channels(self) -> list[str]:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.defects import jittered, missing_samples, outliers
+from sim.machine import NONE, Machine, make_machine
 from sim.parameters import plant_parameters
-from sim.runs import RELAY, follow, sampled_relay
+from sim.runs import RELAY
 from sim.sensor_config import AbsoluteEncoderTruth, FvConverterTruth, IncrementalEncoderTruth
-from sim.state import new_state
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -26,12 +26,6 @@ if TYPE_CHECKING:
     from sim.config import PlantConfig
 
     Array = NDArray[np.float64]
-
-NONE = np.empty(0)
-"""For the kernel: nothing of the kind."""
-
-SETTLING = 20.0
-"""The plant has settled after so many of its slowest time constant; what is left is exp(-20)."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +84,7 @@ class Experiment:
         warmth: Temperature above nominal [K], likewise.
         force: What is measured of a disturbance, likewise.
         approach: Command held before the first sample, until the plant has settled [V]; None: at rest.
-        p: The kernel's parameters, shape (1,).
-        state: The kernel's state, shape (1,): `state["t"]` tells how far it has come, also while it runs.
+        machine: What runs: the reduced kernel or the physical plant.
 
     Raises:
         ValueError: Effects that contradict each other or the sensor.
@@ -106,18 +99,25 @@ class Experiment:
     warmth: Array = field(default_factory=lambda: NONE)
     force: Array = field(default_factory=lambda: NONE)
     approach: float | None = None
-    p: NDArray[np.void] = field(init=False)
-    state: NDArray[np.void] = field(init=False)
+    machine: Machine = field(init=False)
 
     def __post_init__(self) -> None:
-        self.p = plant_record(self.plant)
-        settling = settling_time(self.p) if self.approach is not None else 0.0
-        self.state = new_state(self.p, float(self.t[0]) - settling, self.plant.position)
-        self.state["origin"] = self.t[0]
-        if len(self.supply):
-            self.state["supply"] = self.supply[0]
-        if len(self.warmth):
-            self.state["warmth"] = self.warmth[0]
+        plant, start = with_effects(self.plant, sensor_effects(self.plant)), float(self.t[0])
+        self.machine = make_machine(plant, start)
+        if self.approach is not None:
+            self.machine = make_machine(plant, start - self.machine.settling(self.approach))
+        self.state["origin"] = start
+        self.machine.surround(self.supply, self.warmth)
+
+    @property
+    def p(self) -> NDArray[np.void]:
+        """The kernel's parameters, shape (1,)."""
+        return self.machine.p
+
+    @property
+    def state(self) -> NDArray[np.void]:
+        """The kernel's state, shape (1,): `state["t"]` tells how far it has come, also while it runs."""
+        return self.machine.state
 
     @property
     def _around(self) -> tuple[Array, Array, Array]:
@@ -126,8 +126,8 @@ class Experiment:
     def run_given(self, u: Array) -> Recording:
         """Under given commands [V], one for each time."""
         seen, noise = self._begin()
-        t_u, y = self.t + self.latency, np.empty(len(seen))
-        follow(self.p[0], self.state[0], t_u, u, seen, noise, *self._around, y)
+        t_u = self.t + self.latency
+        y = self.machine.follow(t_u, u, seen, noise, self._around)
         return self._recorded(u, y, t_u)
 
     def run_relay(self, relay: Relay) -> Recording:
@@ -137,9 +137,7 @@ class Experiment:
             ValueError: The readings reach the end of the sensor's range.
         """
         seen, noise = self._begin()
-        y, u, t_u = np.empty((3, len(seen)))
-        r = self._kernel_relay(relay)
-        sampled_relay(self.p[0], self.state[0], r[0], seen, noise, *self._around, y, u, t_u)
+        y, u, t_u = self.machine.relay(self._kernel_relay(relay), seen, noise, self._around)
         low, high = sensor_range(self.plant)
         if y.min() < low or y.max() > high:
             raise ValueError(
@@ -160,8 +158,8 @@ class Experiment:
         """Brings the plant to the first time; when the samples are really taken, and their noise."""
         if self.approach is not None:
             before, volts, start = self.state["t"].copy(), np.array([self.approach]), self.t[:1]
-            follow(self.p[0], self.state[0], before, volts, start, NONE, NONE, NONE, NONE, np.empty(1))
-            self.state["taken"] = -math.inf
+            self.machine.follow(before, volts, start, NONE, (NONE, NONE, NONE))
+            self.machine.forget_readings()
         seen = jittered(self.t, float(self.p["timing_jitter_deviation"][0]), self._random("timing_jitter"))
         noise = self._random("noise").normal(0.0, self.noise, len(seen)) if self.noise else NONE
         return seen, noise
@@ -180,12 +178,12 @@ class Experiment:
 
 
 def plant_record(plant: PlantConfig) -> NDArray[np.void]:
-    """The kernel's parameters of a plant with its sensor: lag, counts and ripple are effects there.
+    """The reduced kernel's parameters of a plant with its sensor: lag, counts and ripple are effects there.
 
     Raises:
         ValueError: The sensor and an effect say two different things.
     """
-    return plant_parameters(with_effects(plant, sensor_effects(plant)))
+    return plant_parameters(with_effects(plant.reduced, sensor_effects(plant)))
 
 
 def with_effects(plant: PlantConfig, more: dict[str, dict[str, float]]) -> PlantConfig:
@@ -235,11 +233,3 @@ def sensor_range(plant: PlantConfig) -> tuple[float, float]:
         return -math.inf, math.inf
     ends = sorted((volts - sensor.offset_v) / sensor.volts_per_unit for volts in sensor.clip)
     return ends[0], ends[1]
-
-
-def settling_time(p: NDArray[np.void]) -> float:
-    """After which nothing is left of how the plant began [s]."""
-    zeta, omega_n = float(p["zeta"][0]), float(p["omega_n"][0])
-    slowest = zeta * omega_n if zeta <= 1.0 else omega_n / (zeta + math.sqrt(zeta * zeta - 1.0))
-    lags = float(p["valve_lag_time"][0]) + float(p["sensor_lag_time"][0])
-    return SETTLING * (1.0 / slowest + lags) + float(p["transport_delay_time"][0])

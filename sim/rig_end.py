@@ -140,7 +140,7 @@ def serve(end: RigEnd, control_port: int, duration: float | None, facts: dict[st
             server.close()
 
 
-def compile_plant() -> None:
-    """Tell whoever waits that the plant is compiled, if it has to be."""
-    if not is_plant_compiled():
+def compile_plant(simulation: SimulationConfig) -> None:
+    """Tell whoever waits that the plants are compiled, if they have to be."""
+    if not is_plant_compiled(simulation.kinds):
         print("compiling the plant (once)", file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits

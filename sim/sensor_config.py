@@ -70,6 +70,23 @@ class AbsoluteEncoderTruth(SensorTruth):
     """-1 where it counts the other way."""
 
 
+class AdcTruth(BaseModel):
+    """An A/D converter: clips at the ends of its range and counts in equal steps."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+
+    bits: Annotated[int, Field(ge=4, le=32)] = 16
+    """Its width."""
+    range: Annotated[tuple[Finite, Finite], Field(strict=False)] = (-10.0, 10.0)
+    """Lowest and highest number [channel's unit]."""
+
+    @model_validator(mode="after")
+    def _rises(self) -> AdcTruth:
+        if not self.range[0] < self.range[1]:
+            raise ValueError("range must rise")
+        return self
+
+
 class FvConverterTruth(SensorTruth):
     """raw = speed * volts_per_unit + offset_v, with ripple in step with the movement, clipped."""
 
@@ -84,6 +101,8 @@ class FvConverterTruth(SensorTruth):
     """Periods of the ripple per movement [1/rad or 1/m]: its frequency is a multiple of the speed."""
     clip: Annotated[tuple[Finite, Finite], Field(strict=False)] = (-10.0, 10.0)
     """Lowest and highest voltage [V]."""
+    adc: AdcTruth | None = None
+    """What counts that voltage."""
 
 
 class CrankTruth(BaseModel):
@@ -131,6 +150,8 @@ class LinearScaleTruth(SensorTruth):
     """Channel's number at stroke 0 [channel's unit]."""
     crank: CrankTruth | None = None
     table: TableTruth | None = None
+    adc: AdcTruth | None = None
+    """What counts the channel's number."""
 
     @model_validator(mode="after")
     def _one_form(self) -> LinearScaleTruth:

@@ -15,7 +15,7 @@ from sim.sensor_config import (
 )
 
 if TYPE_CHECKING:
-    from sim.sensor_config import AnySensor, CrankTruth, LinearScaleTruth, TableTruth
+    from sim.sensor_config import AdcTruth, AnySensor, CrankTruth, LinearScaleTruth, TableTruth
 
 
 class Lag:
@@ -143,7 +143,9 @@ class FvConverter(Kind):
     def number(self, value: float) -> float:
         """The voltage [V], clipped."""
         low, high = self.config.clip
-        return max(low, min(high, value * self.config.volts_per_unit + self.config.offset_v))
+        return counted(
+            self.config.adc, max(low, min(high, value * self.config.volts_per_unit + self.config.offset_v))
+        )
 
 
 class LinearScale(Kind):
@@ -160,7 +162,16 @@ class LinearScale(Kind):
             value = crank_stroke(config.crank, value)
         elif config.table is not None:
             value = table_stroke(config.table, value)
-        return value * config.scale + config.offset
+        return counted(config.adc, value * config.scale + config.offset)
+
+
+def counted(adc: AdcTruth | None, number: float) -> float:
+    """A number as an A/D converter tells it; as it is where there is none."""
+    if adc is None:
+        return number
+    low, high = adc.range
+    step = (high - low) / ((1 << adc.bits) - 1)
+    return low + step * round((max(low, min(high, number)) - low) / step)
 
 
 def crank_stroke(crank: CrankTruth, angle: float) -> float:

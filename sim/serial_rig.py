@@ -253,6 +253,6 @@ def run(
         DriverError: The port cannot be had, or the simulation does not fit the blocks.
         OSError: The control port is taken.
     """
-    compile_plant()
+    compile_plant(simulation)
     port = simulation.control_port if control_port is None else control_port
     serve(SerialRig(options, simulation, own), port, duration, {"port": own or options.port})

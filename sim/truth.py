@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from sim.hydraulics.linear import small_signal as physical
+from sim.hydraulics.record import record_of
 from sim.linear import small_signal
 from sim.parameters import plant_parameters
 
@@ -28,7 +30,7 @@ def conditions(plant: PlantConfig, constants: Mapping[str, float]) -> tuple[floa
 
 
 def plant_truth(
-    plant: PlantConfig, constants: Mapping[str, float], since: float = 0.0
+    plant: PlantConfig, constants: Mapping[str, float], since: float = 0.0, speed: float = 0.0
 ) -> dict[str, float | None]:
     """K_L [unit/s/V], omega_n [rad/s] and zeta of a plant that moves slowly, as `sim.linear` says.
 
@@ -36,19 +38,33 @@ def plant_truth(
         plant: It, with its effects.
         constants: Numbers of the constant channels.
         since: How long it drifts already [s].
+        speed: About which [unit/s].
 
     Returns:
         By name; None where there is no such value, such as for a load that its supply cannot move.
     """
     supply, warmth = conditions(plant, constants)
     try:
-        small = small_signal(
-            plant_parameters(plant), position=plant.position, supply=supply, warmth=warmth, since=since
-        )
+        values = numbers(plant, plant.position, speed, supply, warmth, since)
     except ValueError:
         return dict.fromkeys(("K_L", "omega_n", "zeta"))
-    values = {"K_L": small.K_L, "omega_n": small.omega_n, "zeta": small.zeta}
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def numbers(
+    plant: PlantConfig, position: float, speed: float, supply: float, warmth: float, since: float = 0.0
+) -> dict[str, float]:
+    """K_L [unit/s/V], omega_n [rad/s] and zeta about a speed [unit/s] at a position, of either kind of plant.
+
+    Raises:
+        ValueError: There is no such steady state.
+    """
+    at = {"position": position, "speed": speed, "supply": supply, "warmth": warmth}
+    if plant.hydraulic is not None:
+        found = physical(record_of(plant), **at)
+        return {"K_L": found.K_L, "omega_n": found.omega_n, "zeta": found.zeta}
+    small = small_signal(plant_parameters(plant), since=since, **at)
+    return {"K_L": small.K_L, "omega_n": small.omega_n, "zeta": small.zeta}
 
 
 def rig_truth(simulation: SimulationConfig) -> dict[str, dict[str, float | None]]:

@@ -50,6 +50,8 @@ def open_descriptors() -> Found:
             inode = entry.stat().st_ino
         except OSError:  # the descriptor of the listing itself, or one closed by a thread meanwhile
             continue
+        if "/mpl-data/fonts/" in target:  # matplotlib keeps those that it has drawn with
+            continue
         found[f"{target} inode {inode}" if target.startswith("/") else target] += 1
     return found
 

@@ -180,7 +180,7 @@ def write_rig_file(folder: Path) -> Path:
     text = (REPO / "configs" / "virtual.yaml").read_text()
     for old, new in (
         ("rig: virtual-motor", f"rig: motor-{port}"),
-        ("port: 7600", f"port: {port}"),
+        ("port: 7600", f"port: {port}\n  panel: false"),
         ("hang_timeout: 50 ms", "hang_timeout: 1 s"),
         ("stale: 10 ms", "stale: 100 ms"),
         ("count: 20,", "count: 150,"),

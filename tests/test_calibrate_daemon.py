@@ -26,7 +26,7 @@ def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    text = (configs_dir() / "virtual.yaml").read_text().replace("port: 7600", f"port: {port}")
+    text = (configs_dir() / "virtual.yaml").read_text().replace("port: 7600", f"port: {port}\n  panel: false")
     text = text.replace("hang_timeout: 50 ms", "hang_timeout: 1 s").replace("count: 20,", "count: 150,")
     text = text.replace("bandwidth: 5 rad/s", "bandwidth: 20 rad/s").replace("stale: 10 ms", "stale: 80 ms")
     text = text.replace("      effects:", "      effects:\n        null_shift: {voltage: 0.02}")

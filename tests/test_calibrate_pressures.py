@@ -53,7 +53,7 @@ def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, door_port: int) ->
     for old, new in (
         ("  kind: virtual\n", f"  kind: virtual-with-a-door\n  door: {door_port}\n  realtime: false\n"),
         ("rate_hz: 2000", "rate_hz: 1000"),
-        ("port: 7600", f"port: {free_port()}"),
+        ("port: 7600", f"port: {free_port()}\n  panel: false"),
         ("rig: virtual-servo", f"rig: servo-{door_port}"),
         ("      noise: 0.2 ", f"      {follows}      noise: 0.05 "),
     ):

@@ -47,7 +47,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 @pytest.mark.processes
 def test_the_python_client(port: int) -> None:
-    (code,) = blocks("python")
+    (code,) = [block for block in blocks("python") if "Client" in block]
     assert len(code.strip().splitlines()) == 5
     code = code.replace("Client()", f"Client(port={port})").replace("timeout=10", "timeout=6")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -75,7 +75,7 @@ def test_the_simulated_recording(tmp_path: Path) -> None:
         [sys.executable, "-m", "seod.cli", *words[1:]], cwd=tmp_path, capture_output=True, check=True
     )
     assert json.loads(done.stdout)["truth"]["effects"]["valve_deadband"] == {"half_width": 0.05}
-    assert (tmp_path / "truth.csv").read_text().startswith("t,u,y,t_u\n")
+    assert (tmp_path / "truth.csv").read_text().startswith("t,u,y [rad],t_u\n")
 
 
 def _outputs() -> ModuleType:
@@ -91,7 +91,7 @@ def _outputs() -> ModuleType:
 def test_what_commands_print_is_what_the_pages_show() -> None:
     outputs = _outputs()
     shown = [(page, found) for page in outputs.PAGES for found in outputs.SHOWN.finditer(page.read_text())]
-    assert any(page.name == "README.md" for page, _ in shown)
+    assert any(page.name == "recording.md" for page, _ in shown)
     for page, found in shown:
         now, then = (
             _words_and_numbers(text) for text in (outputs.printed(found["commands"]), found["output"])
@@ -114,6 +114,11 @@ def test_its_files_and_make_targets_exist() -> None:
         assert not heading or heading in headings(REPO / path), (path, heading)
     targets = re.findall(r"^([a-z]+):", (REPO / "Makefile").read_text(), re.MULTILINE)
     assert set(re.findall(r"^make ([a-z]+)", texts, re.MULTILINE)) <= set(targets)
+
+
+def test_it_is_short_and_shows_both_pictures() -> None:
+    assert len(README.splitlines()) < 120
+    assert re.findall(r"!\[[^]]*\]\(([^)]+)\)", README) == ["docs/img/watch.svg", "docs/img/report.png"]
 
 
 def test_its_commands_exist() -> None:

@@ -28,7 +28,7 @@ def write_rig_file(folder: Path, name: str = "serial") -> Path:
     text = (configs_dir() / f"{name}.yaml").read_text()
     for old, new in (
         ("version: 1\nrig: ", f"version: 1\nrig: on-{port}-"),
-        ("port: 7600", f"port: {port}"),
+        ("port: 7600", f"port: {port}\n  panel: false"),
         ("control_port: 7601", "control_port: 0"),
         ("port: /tmp/seod-", f"port: {folder}/"),
         ("hang_timeout: 200 ms", "hang_timeout: 1 s"),

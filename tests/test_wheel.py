@@ -17,7 +17,7 @@ REPO = Path(__file__).parents[1]
 
 SHIPPED = {
     "configs": ["virtual.yaml", "can.yaml", "motor.dbc", "seod-rig.schema.json"],
-    "systemd": ["seod@.service"],
+    "systemd": ["seod@.service", "seod-can@.service", "serial.conf", "install.py"],
 }
 
 
@@ -51,6 +51,17 @@ def run(command: list[str | Path], cwd: Path) -> str:
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
+
+
+def test_built_again_it_has_the_same_bytes(wheel: Path, tmp_path: Path) -> None:
+    """As `make wheelhouse` builds it: the time is that of the commit, not of the clock."""
+    built = []
+    for name in ("a", "b"):
+        words = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path / name)]
+        environment = os.environ | {"SOURCE_DATE_EPOCH": "1700000000"}
+        subprocess.run([*words, str(REPO)], check=True, capture_output=True, env=environment)
+        built.append((tmp_path / name / wheel.name).read_bytes())
+    assert built[0] == built[1]
 
 
 def test_top_level_names(wheel: Path) -> None:

@@ -212,12 +212,14 @@ class Client:
     def set(self, axis: str | None = None, **values: float | str) -> Message:
         """Change e_a [V], hysteresis, bias [V], K_L or method of an axis; returns its settings.
 
+        A number is in SI; text carries its unit: `e_a="400 mV"`.
+
         In velocity mode also `reference` [axis unit/s] and `trim` (True or False).
         """
         return self.call("set", axis=axis, **values)
 
     def start(self, axis: str | None = None) -> Message:
-        """Excite an axis, or all."""
+        """Excite an axis, or all; `seod.client.waiting.start_and_wait` waits for an answer as well."""
         return self.call("start", axis=axis)
 
     def stop(self, axis: str | None = None) -> Message:
@@ -279,3 +281,15 @@ def secure(plain: socket.socket, host: str, tls: Path | bool) -> ssl.SSLSocket:
     except OSError:
         plain.close()
         raise
+
+
+def speaks_tls(host: str, port: int) -> bool:
+    """Whether a server that ended a plain connection wants TLS. Nothing is told to it, nobody is trusted."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    try:
+        with socket.create_connection((host, port), 2.0) as plain, context.wrap_socket(plain):
+            return True
+    except OSError:
+        return False

@@ -13,11 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from seod.client import ClientError
+from seod.commands.examples import epilog, panel
+from seod.commands.quantity import Gain as GainType
+from seod.commands.quantity import seconds
 from seod.config.errors import ConfigErrors
 from seod.files.user_files import said
+from seod.machine.limits import NeedsLinuxError, needs_linux
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,8 +32,15 @@ if TYPE_CHECKING:
 _Function = TypeVar("_Function", bound="Callable[..., Any]")
 
 
+_PLAIN: dict[Any, str] = {int: "NUMBER", float: "NUMBER", str: "NAME", Path: "FILE"}
+"""What stands for a value in the help, by its type."""
+
+
 class FiniteCommand(TyperCommand):
-    """A command none of whose numbers is infinite or none at all, which ranges let through."""
+    """A command none of whose numbers is infinite or none at all, which ranges let through.
+
+    Its `--help` is in colour and in groups on a terminal, plain elsewhere, and ends with examples.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line.
@@ -44,6 +55,44 @@ class FiniteCommand(TyperCommand):
                 raise typer.BadParameter("must be a finite number", ctx, param_hint=f"'{param.opts[0]}'")
         return rest
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        name = self.name or ""
+        for each in self.params:
+            if each.metavar is None:
+                each.metavar = _PLAIN.get(getattr(getattr(each, "type_descriptor", None), "annotation", None))
+        self.epilog = epilog(name)
+        if not sys.stdout.isatty():
+            super().format_help(ctx, formatter)
+            return
+        from rich.markup import escape  # noqa: PLC0415 - only where it is seen
+        from typer import rich_utils  # noqa: PLC0415
+
+        for each in self.params:
+            each.rich_help_panel = panel(each.name or "", name) or each.rich_help_panel  # type: ignore[attr-defined] # typer's own
+            if text := getattr(each, "help", None):
+                each.help = escape(text)  # type: ignore[attr-defined] # likewise
+        self.epilog = escape(self.epilog)
+        rich_utils.rich_format_help(obj=self, ctx=ctx, markup_mode="rich")
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
+        """Examples, a line each, as they are typed."""
+        if self.epilog:
+            formatter.write("\n" + self.epilog.replace("\n\n", "\n") + "\n")
+
+
+class _Group(TyperGroup):
+    """All commands: help in colour on a terminal, plain errors everywhere."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        if not sys.stdout.isatty():
+            super().format_help(ctx, formatter)
+            return
+        from typer import rich_utils  # noqa: PLC0415 - only where it is seen
+
+        rich_utils.rich_format_help(obj=self, ctx=ctx, markup_mode="rich")
+
 
 class _App(typer.Typer):
     """Its commands are `FiniteCommand`."""
@@ -55,8 +104,8 @@ class _App(typer.Typer):
 
 app = _App(
     help="Live damping ratio and natural frequency of hydraulic servo actuators.",
+    cls=_Group,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -68,44 +117,37 @@ MOST_V = 1e4
 """Largest voltage that anyone can mean [V]: a thousand times that of an amplifier."""
 MOST_SEED = 2**63 - 1
 Duration = Annotated[
-    float | None, typer.Option("--for", min=0.0, max=MOST_S, metavar="S", help="End after this long.")
+    float | None,
+    typer.Option("--for", **seconds(), help="End after this long, such as 30 or '2 min'."),
 ]
 Columns = Annotated[
-    str, typer.Option(metavar="t=time,u=cmd,y=pos", help="Columns whose names differ from t, u, y.")
+    str, typer.Option(metavar="NAMES", help="Columns whose names differ: t=time,u=cmd,y=pos.")
 ]
 Units = Annotated[
-    str, typer.Option(metavar="y=deg,u=mV", help="Units where the file tells none, or wrong ones.")
+    str, typer.Option(metavar="UNITS", help="Units where the file tells none, or wrong ones: y=deg,u=mV.")
 ]
-
-
-def _gain(text: str) -> float:
-    """K_L in SI, from a number or one with its unit."""
-    from seod.config.units import GAINS, parse_quantity  # noqa: PLC0415 - few commands need it
-
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    try:
-        return parse_quantity(text, *GAINS)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-
-
 Gain = Annotated[
     float | None,
     typer.Option(
         "--gain",
-        metavar="K",
-        parser=_gain,
+        metavar="GAIN",
+        parser=GainType(),
         help="K_L, if it is known, such as '50 mm/s/V' (without a unit SI); left out: it is estimated.",
     ),
 ]
-Between = Annotated[str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA [s].")]
+Between = Annotated[str | None, typer.Option(metavar="FROM:TO", help="Only this part of DATA, in seconds.")]
 
 
 class CommandError(Exception):
     """A command cannot be carried out; the message says why."""
+
+
+@contextmanager
+def on_linux() -> Iterator[None]:
+    """As `plain_errors`, for what excites a rig: that is told to need Linux elsewhere."""
+    with plain_errors():
+        needs_linux()
+        yield
 
 
 @contextmanager
@@ -118,7 +160,7 @@ def plain_errors() -> Iterator[None]:
     except ConfigErrors as errors:
         print(errors, file=sys.stderr)  # noqa: T201 - each starts with file and line already
         raise typer.Exit(1) from None
-    except (ClientError, CommandError) as error:
+    except (ClientError, CommandError, NeedsLinuxError) as error:
         print(f"seod: {error}", file=sys.stderr)  # noqa: T201
         raise typer.Exit(1) from None
     except BrokenPipeError:  # whoever reads the answer has enough
@@ -142,22 +184,6 @@ def show(text: str) -> None:
         with Path(os.devnull).open("wb") as nothing:
             os.dup2(nothing.fileno(), sys.stdout.fileno())  # what is left cannot be told either
         raise CommandError(f"standard output: {error.strerror}") from error
-
-
-def rising(text: str, option: str) -> tuple[float, float]:
-    """`LOW:HIGH` as numbers.
-
-    Raises:
-        CommandError: It is not that.
-    """
-    low, _, high = text.partition(":")
-    try:
-        pair = float(low), float(high)
-    except ValueError:
-        pair = 0.0, 0.0
-    if not pair[0] < pair[1]:
-        raise CommandError(f"{option} {text}: give two rising numbers, such as 0.5:60")
-    return pair
 
 
 def load(path: Path) -> RigConfig:

@@ -7,18 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import (
-    Between,
-    Columns,
-    CommandError,
-    Gain,
-    Units,
-    app,
-    load,
-    plain_errors,
-    rising,
-    show,
-)
+from seod.commands.answers import answer, asking
+from seod.commands.common import Between, Columns, Gain, Units, app, load, show
+from seod.commands.quantity import seconds
 
 
 @app.command()
@@ -45,9 +36,7 @@ def diagnose(
     gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(
-            metavar="S", min=0.0, max=100.0, help="Delay, if it is known; else a cause like others."
-        ),
+        typer.Option(**seconds(0.0, 100.0), help="Delay, if it is known; else a cause like others."),
     ] = None,
     hold: Annotated[
         Literal["zero", "first"],
@@ -72,22 +61,37 @@ def diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
 ) -> None:
     """Show what the simulation gets wrong, name the cause, and extend the model."""
-    from seod.data.source import ReadError  # noqa: PLC0415 - numerics, and a compiler
-    from seod.diagnose.command import Options, run  # noqa: PLC0415
-    from seod.diagnose.result import DiagnoseError  # noqa: PLC0415
+    with asking():
+        from seod.api.diagnoses import diagnose as ask  # noqa: PLC0415 - numerics, and a compiler
+        from seod.diagnose.report.files import REPORT, RIG  # noqa: PLC0415
 
-    if gain == 0.0:
-        raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
-    with plain_errors():
-        rig = None if config is None else (config, load(config))
-        if rig is not None and axis is not None and axis not in rig[1].axes:
-            raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig[1].axes)}")
-        if rig is not None and axis is None and len(rig[1].axes) > 1:
-            raise CommandError(f"{config} has the axes {', '.join(rig[1].axes)}: choose one by --axis")
-        part = None if between is None else rising(between, "--between")
-        told = effort, hold, gain, delay, 0.01 * relevance
-        options = Options(holdout or [], rig, out, axis, output, columns, units, part, as_json, *told)
-        try:
-            show(run(paths, options))
-        except (ReadError, DiagnoseError) as error:
-            raise CommandError(str(error)) from error
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
+        from seod.terminal.progress import bar  # noqa: PLC0415 - rich
+
+        with bar() as progress:
+            found = ask(
+                paths,
+                holdout=holdout or None,
+                config=config,
+                axis=axis,
+                output=output,
+                gain=gain,
+                delay=delay,
+                hold=hold,
+                columns=columns,
+                units=units,
+                between=between,
+                effort=effort,
+                relevance=relevance,
+                progress=progress,
+            )
+        missing = [] if out is None else found.save(out)
+        answer(found, as_json, None)
+        if out is not None and not as_json:
+            for sentence in missing:
+                show(f"! {sentence}")
+            if not missing:
+                port = load(out / RIG).server.port
+                rig = f"{out / RIG}: the extended rig, for `seod run` (port {port}) and `seod simulate`"
+                show(f"{out / REPORT}: the report; {rig}")

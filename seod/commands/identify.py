@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from seod.commands.common import Columns, CommandError, Gain, Units, app, load, plain_errors, show
+from seod.commands.answers import answer, asking, tell_problems
+from seod.commands.common import Between, Columns, Gain, Units, app
+from seod.commands.quantity import seconds
 
 
 @app.command()
@@ -26,7 +28,7 @@ def identify(
     gain: Gain = None,
     delay: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.0, max=1e3, help="Delay, if it is known; left out: it is estimated."),
+        typer.Option(**seconds(0.0, 1e3), help="Delay, if it is known; left out: it is estimated."),
     ] = None,
     output: Annotated[
         Literal["position", "velocity"] | None,
@@ -39,24 +41,32 @@ def identify(
     ] = "zero",
     columns: Columns = "",
     units: Units = "",
+    between: Between = None,
     as_json: Annotated[bool, typer.Option("--json", help="The answer as JSON.")] = False,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw it into a file: .png, .svg or .pdf.")
+    ] = None,
 ) -> None:
     """Identify omega_n, zeta, K_L and delay from recordings, and say what they cannot tell."""
-    from seod.data.source import ReadError  # noqa: PLC0415 - numerics
-    from seod.identify.command import Options, run  # noqa: PLC0415
-    from seod.identify.record import IdentifyError  # noqa: PLC0415
+    with asking():
+        from seod.api.identification import identify as ask  # noqa: PLC0415 - numerics
+        from seod.terminal.progress import bar  # noqa: PLC0415 - rich
 
-    if gain == 0.0:
-        raise typer.BadParameter("must be a number other than 0", param_hint="--gain")
-    with plain_errors():
-        rig = None if config is None else load(config)
-        if rig is not None and axis is not None and axis not in rig.axes:
-            raise CommandError(f"no axis {axis!r}; {config} has {', '.join(rig.axes)}")
-        if rig is not None and axis is None and len(rig.axes) > 1:
-            raise CommandError(f"{config} has the axes {', '.join(rig.axes)}: choose one by --axis")
-        options = Options(method, gain, delay, output, offset, hold, columns, units, axis, as_json, plot)
-        try:
-            show(run(paths, rig, options))
-        except (ReadError, IdentifyError) as error:
-            raise CommandError(str(error)) from error
+        with bar() as progress:
+            found = ask(
+                paths,
+                config=config,
+                axis=axis,
+                method=method,
+                gain=gain,
+                delay=delay,
+                output=output,
+                offset=offset,
+                hold=hold,
+                columns=columns,
+                units=units,
+                between=between,
+                progress=progress,
+            )
+        tell_problems(found.recordings)
+        answer(found, as_json, plot)

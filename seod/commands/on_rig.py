@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from seod.commands.common import CommandError, ConfigPath, Duration, app, load, plain_errors, show
+from seod.commands.common import CommandError, ConfigPath, Duration, app, load, on_linux, plain_errors, show
+from seod.commands.quantity import seconds
+from seod.config.errors import ConfigErrors
 
 
 @app.command()
@@ -23,13 +27,16 @@ def run(
     watch: Annotated[bool, typer.Option("--watch", help="Show live estimates.")] = False,
 ) -> None:
     """Run the daemon in the foreground."""
-    from seod.launch import daemon  # noqa: PLC0415
+    with on_linux():
+        from seod.launch import daemon  # noqa: PLC0415
 
-    with plain_errors():
         try:
             if not (start or watch):
                 daemon.run(path, duration, record)  # replaces this process
             raise typer.Exit(_run_until_it_ends(path, duration, record, start, watch))
+        except ConfigErrors as errors:
+            print(errors, file=sys.stderr)  # noqa: T201 - each starts with file and line already
+            raise typer.Exit(os.EX_CONFIG) from None  # a unit must not try that again
         except daemon.LaunchError as error:
             raise CommandError(str(error)) from error
 
@@ -46,6 +53,39 @@ def _run_until_it_ends(
 
 
 @app.command()
+def neutral(path: ConfigPath) -> None:
+    """Write neutral to a rig whose daemon has ended (what the unit does last)."""
+    if os.environ.get("EXIT_STATUS") == str(os.EX_CONFIG):
+        return  # as ExecStopPost=: the rig file is wrong, as has been told, and nothing was started
+    with plain_errors():
+        from seod.launch.last_neutral import write_neutral  # noqa: PLC0415
+
+        why = write_neutral(load(path))
+        if why:
+            raise CommandError(f"neutral not written: {why}")
+        show("neutral written")
+
+
+@app.command()
+def upgrade(path: ConfigPath) -> None:
+    """Make a rig file of an earlier version one of this version; the earlier one is kept as NAME~."""
+    with plain_errors():
+        from seod.config.upgrade import UpgradeError, upgraded  # noqa: PLC0415
+        from seod.files.user_files import keep_earlier  # noqa: PLC0415
+
+        try:
+            text = upgraded(path.read_text("utf-8-sig"), str(path), path.parent.resolve())
+        except (UpgradeError, UnicodeDecodeError) as error:
+            raise CommandError(str(error)) from error
+        if text is None:
+            show(f"{path} is of this version already: nothing to change")
+            return
+        keep_earlier(path)
+        path.write_text(text, "utf-8")
+        show(f"{path} is of this version now; as it was: {path}~")
+
+
+@app.command()
 def rig(
     path: ConfigPath,
     duration: Duration = None,
@@ -58,7 +98,7 @@ def rig(
     ] = None,
 ) -> None:
     """Be the simulated rig on the other end of the bus or line."""
-    with plain_errors():
+    with on_linux():
         config = load(path)
         if config.simulation is None:
             raise CommandError(f"{path} has no `simulation:` section: there is nothing to simulate")
@@ -79,14 +119,14 @@ def rig(
 @app.command()
 def latency(
     duration: Annotated[
-        float, typer.Option("--for", min=0.1, max=86_400.0, metavar="S", help="Measure for this long.")
+        float, typer.Option("--for", **seconds(0.1, 86_400.0), help="Measure for this long.")
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
 ) -> None:
     """Show how late this machine and the loop wake up, and what to change."""
-    from seod.latency.measure import MeasureError, measure  # noqa: PLC0415 - the whole loop
+    with on_linux():
+        from seod.latency.measure import MeasureError, measure  # noqa: PLC0415 - the whole loop
 
-    with plain_errors():
         try:
             report = measure(duration)
         except MeasureError as error:
@@ -106,10 +146,10 @@ def calibrate(
     as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
 ) -> None:
     """Measure polarity, K_L, null, deadband and delay; write them into the rig file."""
-    from seod.calibrate import shell  # noqa: PLC0415 - numerics
-    from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
+    with on_linux():
+        from seod.calibrate import shell  # noqa: PLC0415 - numerics
+        from seod.calibrate.procedure import CalibrationError  # noqa: PLC0415
 
-    with plain_errors():
         config = load(path)
         if axis is not None and axis not in config.axes:
             raise CommandError(f"no axis {axis!r}; {path} has {', '.join(config.axes)}")

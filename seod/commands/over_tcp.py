@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from seod.client import DEFAULT_HOST, DEFAULT_PORT, Client
+from seod.client import DEFAULT_HOST, DEFAULT_PORT, Client, EndedError
+from seod.client.connection import speaks_tls
+from seod.client.nearby import find
 from seod.commands.common import MOST_V, CommandError, Duration, app, plain_errors, show
+from seod.commands.quantity import seconds, volts
 from seod.files.user_files import irregular
 
 if TYPE_CHECKING:
@@ -26,8 +29,14 @@ def client_command(function: Callable[..., None]) -> Callable[..., None]:
     """Make a command of a function of a `Client`: adds the options that say where the daemon is."""
 
     def connection(
-        host: Annotated[str, typer.Option(help="Where the daemon runs.")] = DEFAULT_HOST,
-        port: Annotated[int, typer.Option(help="Its port.", min=1, max=65535)] = DEFAULT_PORT,
+        host: Annotated[str, typer.Option(envvar="SEOD_HOST", help="Where the daemon runs.")] = DEFAULT_HOST,
+        port: Annotated[
+            int, typer.Option(envvar="SEOD_PORT", help="Its port.", min=1, max=65535)
+        ] = DEFAULT_PORT,
+        rig_name: Annotated[
+            str | None,
+            typer.Option("--rig", metavar="NAME", help="The daemon of this rig, on this computer."),
+        ] = None,
         token: Annotated[
             str | None,
             typer.Option(envvar="SEOD_TOKEN", help="Its token, if it wants one; `ps` shows it to everyone."),
@@ -43,13 +52,27 @@ def client_command(function: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(function)
     def command(
-        host: str, port: int, token: str | None, token_file: Path | None, tls: Path | None, **arguments: Any
+        host: str,
+        port: int,
+        rig_name: str | None,
+        token: str | None,
+        token_file: Path | None,
+        tls: Path | None,
+        **arguments: Any,
     ) -> None:
         with plain_errors():
             if tls is not None and (why := irregular(tls)):
                 raise CommandError(f"{tls}: {why}")
-            with Client(host, port, _token(token, token_file), tls) as client:
-                function(client, **arguments)
+            if rig_name is not None:
+                _, host, port, _ = find(rig_name)
+            try:
+                with Client(host, port, _token(token, token_file), tls) as client:
+                    function(client, **arguments)
+            except EndedError as error:
+                if tls is None and speaks_tls(host, port):
+                    told = f"{host}:{port} wants TLS: --tls PEM names the certificate to trust"
+                    raise CommandError(told) from error
+                raise
 
     signatures = [inspect.signature(f, eval_str=True) for f in (function, connection)]
     own, common = (list(signature.parameters.values()) for signature in signatures)
@@ -99,11 +122,22 @@ def watch(
     client: Client,
     duration: Duration = None,
     count: Annotated[int | None, typer.Option(min=1, help="End after so many estimates.")] = None,
+    axis: Annotated[str | None, typer.Option(help="Only this axis.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HERTZ",
+            min=1e-3,
+            max=1e4,
+            help="Estimates a second of each axis, at most. Default: all in a terminal, else 2.",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Each message as a line of JSON.")] = False,
 ) -> None:
     """Show live estimates: a table in a terminal, else one line for each."""
     from seod.terminal.live_view import watch as show_live  # noqa: PLC0415
 
-    show_live(client, duration, count)
+    show_live(client, duration, count, axis=axis, rate_hz=rate, as_json=as_json)
 
 
 def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | str]]:
@@ -123,10 +157,10 @@ def read_assignments(words: list[str]) -> tuple[str | None, dict[str, float | st
 
 
 def _assigned(name: str, value: str) -> float | str:
-    """A number, also one with its unit, in SI; else a word.
+    """A number, or words: the daemon reads units, for it knows those of the axis.
 
     Raises:
-        typer.BadParameter: A unit that does not fit.
+        typer.BadParameter: A unit that no such setting has.
     """
     from seod.config.units import SETTINGS, dimension_of, parse_quantity  # noqa: PLC0415 - only a few need it
 
@@ -140,9 +174,10 @@ def _assigned(name: str, value: str) -> float | str:
             raise typer.BadParameter(f"{name}={value}: must be a finite number")
         return number
     try:
-        return parse_quantity(value, *SETTINGS.get(name, ()))
+        parse_quantity(value, *SETTINGS.get(name, ()))
     except ValueError as error:
         raise typer.BadParameter(f"{name}: {error}") from error
+    return value
 
 
 def _check_assignments(words: list[str]) -> list[str]:
@@ -175,45 +210,64 @@ def set_(client: Client, assignments: Assignments, as_json: Json = False) -> Non
 def start(
     client: Client,
     axis: Axis = None,
+    wait: Annotated[
+        bool,
+        typer.Option("--wait", help="Until each axis has an estimate of quality ok, or why it has none."),
+    ] = False,
+    timeout: Annotated[
+        float, typer.Option(**seconds(), help="With --wait: give up after this long.", show_default="30 s")
+    ] = 30.0,
     hold: Annotated[
         bool, typer.Option("--hold", help="Hold the rig (guard.dead_man) until Ctrl-C, then stop it.")
     ] = False,
 ) -> None:
     """Excite an axis, or all."""
-    if not hold:
-        client.start(axis)
-        return
-    from seod.client.keepalive import hold_until_interrupted  # noqa: PLC0415
+    if hold:
+        from seod.client.keepalive import hold_until_interrupted  # noqa: PLC0415
 
-    hold_until_interrupted(client, axis)
+        hold_until_interrupted(client, axis)
+    elif wait:
+        from seod.client.waiting import start_and_wait  # noqa: PLC0415
+        from seod.terminal import text  # noqa: PLC0415
+
+        for estimate in start_and_wait(client, axis, timeout).values():
+            show(text.estimate(estimate))
+    else:
+        client.start(axis)
+        show(f"{axis or 'all axes'}: started")
 
 
 @client_command
 def stop(client: Client, axis: Axis = None) -> None:
     """End the excitation; the axis goes back to where it stood."""
     client.stop(axis)
+    show(f"{axis or 'all axes'}: stopped, and goes back to where it stood")
 
 
 @client_command
 def estop(client: Client) -> None:
     """Neutral at once; needs a reset afterwards."""
     client.estop()
+    show("neutral; `seod reset` leaves the fault")
 
 
 @client_command
 def reset(client: Client, axis: Axis = None) -> None:
     """Leave the fault, of an axis or of all; starts a new loop where it has died."""
     client.reset(axis)
+    show(f"{axis or 'all axes'}: reset")
 
 
 @client_command
 def ramp(
     client: Client,
-    low: Annotated[float, typer.Option("--from", min=0.0, max=MOST_V, metavar="V", help="Smallest e_a.")],
-    high: Annotated[float, typer.Option("--to", min=0.0, max=MOST_V, metavar="V", help="Largest e_a.")],
+    low: Annotated[float, typer.Option("--from", **volts(0.0, MOST_V), help="Smallest e_a.")],
+    high: Annotated[float, typer.Option("--to", **volts(0.0, MOST_V), help="Largest e_a.")],
     axis: Axis = None,
     steps: Annotated[int, typer.Option(min=2, max=100, help="Amplitudes.")] = 8,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it into a PNG file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw it into a file: .png, .svg or .pdf.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Results as JSON.")] = False,
 ) -> None:
     """Raise e_a in steps: smallest clean amplitude, zeta and omega_n over e_a."""

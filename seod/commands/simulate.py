@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from seod.commands.common import (
-    MOST_S,
-    MOST_SEED,
-    MOST_V,
-    CommandError,
-    ConfigPath,
-    app,
-    load,
-    plain_errors,
-    show,
-)
+from seod.commands.answers import asking
+from seod.commands.common import MOST_S, MOST_SEED, MOST_V, CommandError, ConfigPath, app, show
+from seod.commands.quantity import hertz, seconds, volts
 
 MOST_LINES = 1_000_000
 """Lines of a multisine, or cycles: more than any recording has."""
@@ -40,34 +33,26 @@ def simulate(
             help="relay, two-phase, sine, sweep (by octaves), linear-sweep, multisine, steps or file.",
         ),
     ] = "relay",
-    amplitude: Annotated[
-        float | None, typer.Option(metavar="V", min=0.0, max=MOST_V, help="Default: e_a.")
-    ] = None,
+    amplitude: Annotated[float | None, typer.Option(**volts(0.0, MOST_V), help="Default: e_a.")] = None,
     bias: Annotated[
         float | None,
         typer.Option(
-            metavar="V",
-            min=-MOST_V,
-            max=MOST_V,
+            **volts(-MOST_V, MOST_V),
             help="Added to it. Default: relay.bias, and that of the reference speed.",
         ),
     ] = None,
-    duration: Annotated[
-        float | None, typer.Option(metavar="S", min=0.0, max=MOST_S, help="Default: 10 s.")
-    ] = None,
+    duration: Annotated[float | None, typer.Option(**seconds(0.0, MOST_S), help="Default: 10 s.")] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ", min=1e-6, help="Of the sine, or of pairs of steps. Default: by the plant."
-        ),
+        typer.Option(**hertz(1e-6), help="Of the sine, or of pairs of steps. Default: by the plant."),
     ] = None,
     band: Annotated[
         str | None,
-        typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine [Hz]. Default: by the plant."),
+        typer.Option(metavar="LOW:HIGH", help="Of sweep or multisine In Hz. Default: by the plant."),
     ] = None,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", min=1e-3, max=MOST_S, help="Of the multisine. Default: the duration."),
+        typer.Option(**seconds(1e-3, MOST_S), help="Of the multisine. Default: the duration."),
     ] = None,
     lines: Annotated[
         int | None,
@@ -87,28 +72,40 @@ def simulate(
         ),
     ] = None,
     latency: Annotated[
-        float, typer.Option(metavar="S", min=0.0, max=10.0, help="From a sample to the command's leaving.")
+        float, typer.Option(**seconds(0.0, 10.0), help="From a sample to the command's leaving.")
     ] = 0.0,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, max=MOST_SEED, help="Of noise, defects and signal. Default: the rig file's."),
+        typer.Option(
+            min=0, max=MOST_SEED, help="Random seed of noise, defects and signal. Default: the rig file's."
+        ),
     ] = None,
 ) -> None:
     """Write a recording of the simulated rig, and show the truth that is in it."""
-    from seod.simulate.options import Options, excitation_named, read_band, read_effects  # noqa: PLC0415
-    from seod.simulate.record import record  # noqa: PLC0415 - numerics, and a compiler
+    with asking():
+        from seod.api.simulations import COMPILING, unwritable  # noqa: PLC0415 - numerics, and a compiler
+        from seod.api.simulations import simulate as ask  # noqa: PLC0415
+        from seod.terminal.progress import bar  # noqa: PLC0415 - rich
 
-    with plain_errors():
-        config = load(path)
-        try:
-            options = Options(
-                excitation=excitation_named(excitation),
-                effects=read_effects(effect or []),
+        if why := unwritable(out):
+            raise CommandError(f"--out {out}: {why}")
+        with bar() as progress:
+
+            def told(step: str, part: float) -> None:
+                if step == COMPILING:
+                    print(step, file=sys.stderr, flush=True)  # noqa: T201 - for whoever waits
+                progress(step, part)
+
+            found = ask(
+                path,
+                axis=axis,
+                effect=effect or (),
+                excitation=excitation,
                 amplitude=amplitude,
                 bias=bias,
                 duration=duration,
                 frequency=frequency,
-                band=None if band is None else read_band(band),
+                band=band,
                 period=period,
                 lines=lines,
                 cycles=cycles,
@@ -116,7 +113,7 @@ def simulate(
                 noise=noise,
                 latency=latency,
                 seed=seed,
+                progress=told,
             )
-            show(json.dumps(record(config, axis, options, out)))
-        except ValueError as error:
-            raise CommandError(str(error)) from error
+            found.save(out, lambda part: progress("writing", part))
+        show(json.dumps({"file": str(out), **found.to_dict()}))

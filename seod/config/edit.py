@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from seod.config.errors import KeyPath
 
 
+REMOVED: Final = object()
+"""As a value: the key goes, with all that stands under it."""
+
+
 class _Words(VersionedResolver):
     """Takes every plain scalar as text, so that `1.0e-3` and `null` stay as they were written."""
 
@@ -36,7 +40,7 @@ def edited(text: str, values: Mapping[KeyPath, Any]) -> str:
 
     Args:
         text: A rig file that loads.
-        values: New values by path; mappings, lists, numbers or text.
+        values: New values by path; mappings, lists, numbers, text or `REMOVED`.
     """
     yaml = YAML()
     yaml.Resolver = _Words
@@ -48,7 +52,10 @@ def edited(text: str, values: Mapping[KeyPath, Any]) -> str:
         section = document
         for key in path[:-1]:
             section = section.setdefault(key, CommentedMap())
-        section[path[-1]] = _written(value)
+        if value is REMOVED:
+            section.pop(path[-1], None)
+        else:
+            section[path[-1]] = _written(value)
     out = io.StringIO()
     yaml.dump(document, out)
     lines = out.getvalue().splitlines(keepends=True)

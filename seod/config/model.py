@@ -361,6 +361,18 @@ class ServerConfig(Section):
     """File that holds the command_token; relative to the rig file, or $CREDENTIALS_DIRECTORY/NAME."""
     max_clients: Annotated[int, Field(ge=1, le=1000)] = 100
     """Connections at a time."""
+    panel: bool = True
+    """Whether the panel is served: a page for browsers, and `/metrics`. Address, TLS and tokens as above."""
+    panel_port: Annotated[int, Field(ge=0, le=65535)] | None = None
+    """Its TCP port; 0 takes a free one. Left out: 80 above `port`, or a free one where that is 0."""
+    scpi: bool = False
+    """Whether SCPI commands are taken over TCP, with the same rights."""
+    scpi_port: Annotated[int, Field(ge=0, le=65535)] = 5025
+    """TCP port of SCPI; 0 takes a free one."""
+    foxglove: bool = False
+    """Whether live topics are served to Foxglove and Lichtblick, at `/foxglove` on the panel's port."""
+    foxglove_origins: list[Annotated[str, Field(min_length=1)]] = Field(default=[])
+    """Web pages that may read these topics, such as https://app.foxglove.dev; programs need none."""
 
 
 def _bus_log(name: str) -> str:
@@ -377,6 +389,8 @@ class RecordConfig(Section):
     """An MCAP file that has reached this size [MB] is ended and the next one begun; null for never."""
     max_time: Seconds | None = 3600.0
     """Likewise after this time."""
+    folder: Annotated[str, Field(min_length=1)] | None = None
+    """Where recordings that are begun while it runs go; relative to the rig file. Left out: none can be."""
     bus_log: Annotated[str, AfterValidator(_bus_log)] | None = None
     """Raw frames of the CAN bus into this file, in the format of its suffix: .blf, .asc, .log, .mf4."""
 

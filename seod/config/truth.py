@@ -9,14 +9,16 @@ from seod.config.units import UNITS
 from sim.truth import plant_truth
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig
+    from seod.config.model import AxisConfig, RigConfig
     from seod.config.sensors import SensorConfig
+    from sim.config import PlantConfig
 
 
 def truth(config: RigConfig) -> dict[str, dict[str, float | None]]:
     """True K_L [axis unit/s/V], omega_n [rad/s] and zeta of each axis; empty for a real rig.
 
-    They are those of small movements as the rig begins (`sim.linear`); None where there is no such value.
+    They are those of small movements as the rig begins (`sim.linear`), of a physical plant about its
+    reference speed; None where there is no such value.
     """
     if config.simulation is None:
         return {}
@@ -29,9 +31,16 @@ def truth(config: RigConfig) -> dict[str, dict[str, float | None]]:
             continue
         per_volt = output.scale / UNITS[output.unit][1]
         unit = per_volt * si_per_plant_unit(sensor, plant.sensor is not None)
-        true = plant_truth(plant, config.simulation.constants)
+        true = plant_truth(plant, config.simulation.constants, speed=_speed(plant, axis, sensor))
         answer[name] = {**true, "K_L": None if true["K_L"] is None else true["K_L"] * unit}
     return answer
+
+
+def _speed(plant: PlantConfig, axis: AxisConfig, sensor: SensorConfig) -> float:
+    """At which a physical plant is asked [its unit/s]: its valve is open there, which damps."""
+    if plant.hydraulic is None or axis.reference is None:
+        return 0.0
+    return axis.reference / si_per_plant_unit(sensor, plant.sensor is not None)
 
 
 def si_per_plant_unit(sensor: SensorConfig, is_si: bool) -> float:

@@ -1,4 +1,7 @@
-"""Units of the rig file. Everything inside the program is in SI base units (rad, m, V, s, Hz, Pa, K)."""
+"""Units of rig files, recordings, commands and the protocol: one parser.
+
+Everything inside the program is in SI base units (rad, m, V, s, Hz, Pa, K).
+"""
 
 from __future__ import annotations
 
@@ -80,7 +83,59 @@ BASE: Final = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.i
 ZEROS: Final[dict[str, float]] = {"degC": 273.15}
 """Units whose zero is not that of SI: their zero in the SI base unit."""
 
-_QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z/]*)\s*$", re.ASCII)
+MORE: Final[dict[str, tuple[str, float]]] = {
+    "ns": ("time", 1e-9),
+    "min": ("time", 60.0),
+    "h": ("time", 3600.0),
+    "cm": ("length", 1e-2),
+    "in": ("length", 0.0254),
+    "psi": ("pressure", 6894.757293168),
+    "N": ("force", 1.0),
+    "kN": ("force", 1e3),
+    "%": ("number", 1e-2),
+}
+KNOWN: Final = UNITS | MORE
+"""Unit -> (dimension, factor to the SI base unit)."""
+
+SPELLINGS: Final[dict[str, str]] = {
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "usec": "us",
+    "µs": "us",
+    "μs": "us",
+    "µm": "um",
+    "μm": "um",
+    "°": "deg",
+    "º": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "volt": "V",
+    "volts": "V",
+    "v": "V",
+    "mv": "mV",
+    "°c": "degC",
+    "ºc": "degC",
+    "c": "degC",
+    "celsius": "degC",
+    "pa": "Pa",
+    "mpa": "MPa",
+    "kpa": "kPa",
+    "1/min": "rpm",
+    "u/min": "rpm",
+    "°/s": "deg/s",
+    "inch": "in",
+}
+
+_QUANTITY = re.compile(r"^\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*$")
+
+
+def spelled(unit: str) -> str:
+    """The unit's usual spelling; one that is not known stays as it is."""
+    unit = unit.strip()
+    return unit if unit in KNOWN else SPELLINGS.get(unit.lower(), unit)
 
 
 def units_of(*dimensions: str) -> list[str]:
@@ -106,30 +161,31 @@ def parse_quantity(value: object, *dimensions: str) -> float:
     match = _QUANTITY.match(value)
     if match is None or match[2] == "":
         raise ValueError(f"must be a number, or a number with a unit ({right})")
-    number, unit = match.groups()
-    if unit not in UNITS or UNITS[unit][0] not in dimensions:
-        raise ValueError(f"wrong unit {unit!r}: must be one of {right}")
+    number, unit = match[1], spelled(match[2])
+    if unit not in KNOWN or KNOWN[unit][0] not in dimensions:
+        raise ValueError(f"wrong unit {match[2]!r}: must be one of {right}")
     return to_si(_float(number), unit)
 
 
 def to_si(value: float, unit: str) -> float:
     """`value` [unit] in the SI base unit."""
-    return value * UNITS[unit][1] + ZEROS.get(unit, 0.0)
+    return value * KNOWN[unit][1] + ZEROS.get(unit, 0.0)
 
 
 def written_as(value: float, written: object) -> float | str:
     """A value in SI in the unit of what stands there now, such as `12 mV` after `0 mV`; a number else."""
     match = _QUANTITY.match(written) if isinstance(written, str) else None
-    if not match or match[2] not in UNITS or not match[2]:
+    unit = spelled(match[2]) if match else ""
+    if not match or unit not in KNOWN or not unit:
         return value
-    unit = match[2]
-    return f"{(value - ZEROS.get(unit, 0.0)) / UNITS[unit][1]:.6g} {unit}"
+    return f"{(value - ZEROS.get(unit, 0.0)) / KNOWN[unit][1]:.6g} {match[2]}"
 
 
 def dimension_of(value: object) -> str | None:
     """Dimension that a raw value such as `"30 deg"` is written in; None for a plain number or no quantity."""
     match = _QUANTITY.match(value) if isinstance(value, str) else None
-    return UNITS[match[2]][0] if match and match[2] and match[2] in UNITS else None
+    unit = spelled(match[2]) if match else ""
+    return KNOWN[unit][0] if unit in KNOWN and unit else None
 
 
 def _float(number: float | str) -> float:

@@ -7,14 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from seod.data.apart import Apart
 from seod.data.guarded import Guarded
 from seod.data.source import ReadError
 from seod.files.damage import TIMES_SIZE, DamagedError, bounded, heard, library
 from seod.files.user_files import irregular
+from seod.machine.limits import RESOURCE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from seod.data.source import Source
 
@@ -100,6 +100,15 @@ def open_source(path: Path | str, dbc: Path | None = None) -> Iterator[Source]:
             guarded.close()
 
 
+def _apart(path: Path, opened: Callable[[], Source], complaints: list[str]) -> Source:
+    """Read by a process of its own where this system can bound one; else here."""
+    if RESOURCE is None:
+        return opened()
+    from seod.data.apart import Apart  # noqa: PLC0415 - Linux only
+
+    return Apart(path, opened, complaints)
+
+
 def _make(path: Path, kind: str, dbc: Path | None, complaints: list[str]) -> Source:
     # Each format's library is imported only when such a file is read; what C code reads, apart.
     match kind:
@@ -114,17 +123,17 @@ def _make(path: Path, kind: str, dbc: Path | None, complaints: list[str]) -> Sou
         case "mat":
             from seod.data.mat_file import open_mat  # noqa: PLC0415
 
-            return Apart(path, partial(open_mat, path), complaints)
+            return _apart(path, partial(open_mat, path), complaints)
         case "mdf":
             from seod.data.mdf_file import MdfSource  # noqa: PLC0415
 
-            return Apart(path, partial(MdfSource, path), complaints)
+            return _apart(path, partial(MdfSource, path), complaints)
         case "can":
             from seod.data.can_log import CanSource  # noqa: PLC0415
 
             if dbc is None:
                 raise ReadError(f"{path}: is a log of CAN frames: `--dbc FILE` says what they mean")
-            return Apart(path, partial(CanSource, path, dbc), complaints)
+            return _apart(path, partial(CanSource, path, dbc), complaints)
         case _:
             from seod.data.csv_file import CsvSource  # noqa: PLC0415
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seod.answers import Answer
+from seod.data import describe
 from seod.data.align import commands, held
 from seod.data.clock import Clock
 from seod.data.columns import TIMES, parse_pairs, resolve
@@ -21,17 +24,18 @@ from seod.data.source import ReadError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from seod.data.columns import Found
-    from seod.data.source import Floats, Rows, Source
+    from seod.data.source import Floats, Rows, Source, Table
 
 _OPTIONAL = ("ps", "temperature", "f")
 _NOWHERE: Rows = np.array([], np.int64)
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Answer):
     """Row k holds `y[k]` sampled at `t[k]` and `u[k]`, which left at `t_u[k]` and held until the next.
 
     Attributes:
@@ -47,6 +51,7 @@ class Recording:
         units: Role -> unit of these arrays: the SI base unit; the file's own where we do not know it.
         problems: What is wrong with the files, what was left out included.
         f: Measured disturbance, such as a force on the load, shape (n,), or None.
+        table: Where it is of, if that is in memory; None: of `paths`.
     """
 
     paths: tuple[Path, ...]
@@ -61,11 +66,41 @@ class Recording:
     units: Mapping[str, str]
     problems: tuple[Problem, ...]
     f: Floats | None = None
+    table: Table | None = None
 
     @property
     def rate_hz(self) -> float:
         """By the median interval."""
         return 1.0 / float(np.median(np.diff(self.t)))
+
+    @contextmanager
+    def opened(self) -> Iterator[Source]:
+        """Its source once more, for columns of no role.
+
+        Raises:
+            ReadError: Its file cannot be read any more.
+        """
+        if self.table is not None:
+            yield self.table
+            return
+        with open_source(self.paths[0]) as source:
+            yield source
+
+    def summary(self) -> str:
+        """Length, rate, ranges, and what is wrong with it."""
+        return describe.as_text(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Rows, rate, and unit and range of each column."""
+        return describe.as_dict(self)
+
+    def to_columns(self) -> dict[str, Any]:
+        """Its columns, in SI units."""
+        return describe.columns(self)
+
+    def plot(self) -> Figure:
+        """Command, reading and conditions over time."""
+        return describe.draw(self)
 
 
 def read(
@@ -102,6 +137,23 @@ def read(
         with open_source(path, dbc) as source:
             parts.append(_one(source, resolve(source, mapping, given, axis, of_rig), between))
     return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def read_table(
+    table: Table,
+    columns: str | Mapping[str, str] = "",
+    units: str | Mapping[str, str] = "",
+    axis: str | None = None,
+    between: tuple[float, float] | None = None,
+    of_rig: bool = False,
+) -> Recording:
+    """As `read`, of data that is in memory.
+
+    Raises:
+        ReadError: Names row and column as far as there are any.
+    """
+    mapping, given = _pairs(columns, "columns"), _pairs(units, "units")
+    return replace(_one(table, resolve(table, mapping, given, axis, of_rig), between), table=table)
 
 
 def _pairs(pairs: str | Mapping[str, str], option: str) -> Mapping[str, str]:

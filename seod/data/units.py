@@ -6,53 +6,9 @@ import re
 from typing import Final
 
 from seod.config.units import BASE as OWN_BASE
-from seod.config.units import UNITS, ZEROS
+from seod.config.units import KNOWN, ZEROS, spelled
 
-MORE: Final[dict[str, tuple[str, float]]] = {
-    "ns": ("time", 1e-9),
-    "min": ("time", 60.0),
-    "h": ("time", 3600.0),
-    "cm": ("length", 1e-2),
-    "in": ("length", 0.0254),
-    "psi": ("pressure", 6894.757293168),
-    "N": ("force", 1.0),
-    "kN": ("force", 1e3),
-    "%": ("number", 1e-2),
-}
-KNOWN: Final = UNITS | MORE
-"""Unit -> (dimension, factor to the SI base unit)."""
-
-SPELLINGS: Final[dict[str, str]] = {
-    "sec": "s",
-    "secs": "s",
-    "second": "s",
-    "seconds": "s",
-    "msec": "ms",
-    "usec": "us",
-    "µs": "us",
-    "μs": "us",
-    "µm": "um",
-    "μm": "um",
-    "°": "deg",
-    "º": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "volt": "V",
-    "volts": "V",
-    "v": "V",
-    "mv": "mV",
-    "°c": "degC",
-    "ºc": "degC",
-    "c": "degC",
-    "celsius": "degC",
-    "pa": "Pa",
-    "mpa": "MPa",
-    "kpa": "kPa",
-    "1/min": "rpm",
-    "u/min": "rpm",
-    "°/s": "deg/s",
-    "inch": "in",
-}
+__all__ = ["BASE", "KNOWN", "is_unit_cell", "spelled", "split_header", "to_base", "unit_of_cell"]
 
 BASE: Final[dict[str, str]] = {**OWN_BASE, "force": "N"}
 """Dimension -> its SI base unit."""
@@ -60,12 +16,6 @@ BASE: Final[dict[str, str]] = {**OWN_BASE, "force": "N"}
 _IN_HEADER = re.compile(
     r"^(?P<name>.*?)\s*(?:\[(?P<a>[^\[\]]*)\]|\((?P<b>[^()]*)\)|\s/\s*(?P<c>[^/\s]+))\s*$"
 )
-
-
-def spelled(unit: str) -> str:
-    """The unit's usual spelling; one that is not known stays as it is."""
-    unit = unit.strip()
-    return unit if unit in KNOWN else SPELLINGS.get(unit.lower(), unit)
 
 
 def split_header(cell: str) -> tuple[str, str]:

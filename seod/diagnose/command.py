@@ -1,25 +1,19 @@
-"""`seod diagnose`: recordings in, a table or JSON out, and a folder with report and extended rig file."""
+"""Between recordings and the search: the part that is looked at, what y is, the command as it is typed."""
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from seod.config.load import load_rig
 from seod.config.units import UNITS
-from seod.data import read
 from seod.data.units import BASE
 from seod.diagnose import pipeline
 from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.daemon_part import telling_part
-from seod.diagnose.report.files import REPORT, RIG, write
-from seod.diagnose.report.text import as_text
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.show.bootstrap import with_intervals
-from seod.terminal.progress import bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,17 +41,16 @@ _SPEEDS: Final = ("angular speed", "speed")
 
 
 class Options(NamedTuple):
-    """Options of the command; `rig` is a rig file and what it says."""
+    """Options of the command, by which its line is told again; `config` is a rig file."""
 
     holdout: Sequence[Path] = ()
-    rig: tuple[Path, RigConfig] | None = None
+    config: Path | None = None
     out: Path | None = None
     axis: str | None = None
     output: Output | None = None
     columns: str = ""
     units: str = ""
     between: tuple[float, float] | None = None
-    as_json: bool = False
     effort: Effort = "normal"
     hold: Hold = "zero"
     gain: float | None = None
@@ -65,56 +58,51 @@ class Options(NamedTuple):
     relevance: float = RELEVANCE
 
 
-def run(paths: Sequence[Path], options: Options) -> str:
-    """The answer as it is printed; writes the folder if one is wished.
+def found(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    config: RigConfig | None,
+    options: Options,
+    parts: Sequence[Part | None],
+    progress: Progress,
+) -> Diagnosis:
+    """The diagnosis with intervals, and with what was read of each recording.
+
+    Args:
+        recordings: At least one.
+        holdout: Further ones, that no fit sees.
+        config: The rig whose model is the baseline.
+        options: See there.
+        parts: Of each recording, the part that it is of.
+        progress: Called with what is being done and the part of all work that is.
 
     Raises:
-        ReadError: A file cannot be read.
         DiagnoseError: A recording tells nothing.
-        OSError: The folder cannot be written.
     """
-    parts = [None if options.between else _part(path, options.axis) for path in paths]
-    recordings = [
-        _read(path, options, part[:2] if part else options.between)
-        for path, part in zip(paths, parts, strict=True)
-    ]
-    holdout = [_read(path, options) for path in options.holdout]
-    config = options.rig[1] if options.rig is not None else None
+    usual = output_of(recordings[0], config, options.axis)
     asked = pipeline.Options(
-        options.output or (output_of(recordings[0], config, options.axis) if config is not None else None),
+        options.output or (usual if config is not None else None),
         config,
         options.axis,
         options.effort,
         options.hold,
         options.gain,
         options.delay,
-        output_of(recordings[0], config, options.axis),
+        usual,
         options.relevance,
     )
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)  # that it cannot be made is told before the work
-    with bar() as progress:
-        d = with_intervals(_diagnosed(recordings, holdout, asked, progress))
-    d = replace(d, remarks=(*_cut_short(paths, parts), *d.remarks))
-    unit = unit_of(recordings[0], d.output, config, options.axis)
-    told = [] if options.as_json else [as_text(d, unit)]
-    if options.out is not None:
-        rig = None
-        if options.rig is not None:
-            rig = (*options.rig, options.axis or next(iter(options.rig[1].axes)))
-        missing = write(options.out, d, unit, [*recordings, *holdout], rig, command_line(paths, options))
-        told += [f"! {each}" for each in missing] if not options.as_json else []
-        told += [] if missing or options.as_json else [_written(options.out)]
-    return json.dumps(d.as_json()) if options.as_json else "\n".join(told)
+    d = with_intervals(_diagnosed(recordings, holdout, asked, progress))
+    names = [each.paths[0].name for each in recordings]
+    return replace(d, remarks=(*_cut_short(names, parts), *d.remarks))
 
 
 def command_line(paths: Sequence[Path], options: Options) -> str:
     """The command that asks for this; what is as usual is left out."""
-    usual, rig = Options(), options.rig[0] if options.rig is not None else None
+    usual = Options()
     between = ":".join(f"{end:g}" if math.isfinite(end) else "" for end in options.between or ())
     relevance = "" if options.relevance == usual.relevance else f"{100.0 * options.relevance:g}"
     told = {
-        "--config": rig,
+        "--config": options.config,
         "--out": options.out,
         "--axis": options.axis,
         "--output": options.output,
@@ -130,24 +118,20 @@ def command_line(paths: Sequence[Path], options: Options) -> str:
     words = ["seod", "diagnose", *map(str, paths)]
     words += [word for each in options.holdout for word in ("--holdout", str(each))]
     words += [word for name, value in told.items() if value not in (None, "") for word in (name, str(value))]
-    return shlex.join([*words, *(["--json"] if options.as_json else [])])
+    return shlex.join(words)
 
 
-def _read(path: Path, options: Options, between: tuple[float, float] | None = None) -> Recording:
-    of_rig = options.rig is not None
-    return read(path, options.columns, options.units, options.axis, between=between, of_rig=of_rig)
-
-
-def _part(path: Path, axis: str | None) -> Part | None:
+def part_of(path: Path, axis: str | None) -> Part | None:
+    """The part of a daemon's recording that tells of the plant; None: all of it."""
     return telling_part(path, axis) if path.suffix == ".mcap" else None
 
 
-def _cut_short(paths: Sequence[Path], parts: Sequence[Part | None]) -> list[str]:
+def _cut_short(names: Sequence[str], parts: Sequence[Part | None]) -> list[str]:
     """What is said of recordings that are diagnosed in part."""
     return [
-        f"{path.name}: {part.why} from t = {part.start:.2f} s{_until(part.end)}: only that is diagnosed; "
+        f"{name}: {part.why} from t = {part.start:.2f} s{_until(part.end)}: only that is diagnosed; "
         "--between FROM:TO takes another part"
-        for path, part in zip(paths, parts, strict=True)
+        for name, part in zip(names, parts, strict=True)
         if part is not None
     ]
 
@@ -188,9 +172,3 @@ def unit_of(recording: Recording, output: Output, config: RigConfig | None, axis
         base = BASE.get(config.sensors[own.sensor].dimension, "unit")
         return f"{base.removesuffix('/s')}{speed}"
     return recording.units.get("y", "") or f"unit{speed}"
-
-
-def _written(out: Path) -> str:
-    port = load_rig(out / RIG).server.port
-    rig = f"{out / RIG}: the extended rig, for `seod run` (port {port}) and `seod simulate`"
-    return f"{out / REPORT}: the report; {rig}"

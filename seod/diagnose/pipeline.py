@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,6 +38,7 @@ from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Searched, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
+from seod.machine.limits import processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -124,7 +124,7 @@ def diagnose(
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool, threadpool_limits(1, "blas"):
+    with ThreadPoolExecutor(processors()) as pool, threadpool_limits(1, "blas"):
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
         searched = in_blocks(every[: len(recordings)])

@@ -31,8 +31,14 @@ MOST: Final = 8
 
 ADVICE: Final = (
     "at e_a = {other:g} V the answer is another (friction, deadband, hysteresis or pressure limit): "
-    "state e_a with it, or find by `seod ramp` where it does not depend on it"
+    "state e_a with it, or find by `seod ramp` where it does not depend on it{bound}"
 )
+UP_TO: Final = (
+    "; by these two, zeta and omega_n are within {part:.0%} of small movements' up to e_a = {e_a:.2g} V"
+)
+FROM_ON: Final = "; by these two, dry friction changes zeta by {part:.0%} or less from e_a = {e_a:.2g} V on"
+WITHIN: Final = 0.02
+"""Part by which an answer may differ from that of small movements, or of large ones where friction is why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +96,37 @@ def dependence(other_e_a: float, other: Estimate, here_e_a: float, here: Estimat
             for name, (part, _) in differences.items()
         ),
     )
+
+
+def advise(e_a: float, finding: Dependence) -> str:
+    """What to do about an answer at `e_a` [V] that depends on it: which amplitudes would do.
+
+    A relay holds the valve open by e_a all the time, and an open orifice damps in proportion to its opening:
+    zeta rises in proportion to e_a (docs/hydraulics.md, measured on physical rigs). Dry friction damps in
+    proportion to 1 / e_a, so that zeta falls.
+    """
+    return ADVICE.format(other=finding.other_e_a, bound=_bound(e_a, finding))
+
+
+def _bound(here: float, finding: Dependence) -> str:
+    other = finding.other_e_a
+    falls = (finding.zeta > 0.0) != (here > other)
+    if falls:
+        slope = _slope(1.0 / here, 1.0 / other, finding.zeta)
+        return FROM_ON.format(part=WITHIN, e_a=slope / WITHIN) if slope else ""
+    slopes = [_slope(here, other, part) for part in (finding.zeta, finding.omega_n)]
+    steepest = max((slope for slope in slopes if slope), default=None)
+    return UP_TO.format(part=WITHIN, e_a=WITHIN / steepest) if steepest else ""
+
+
+def _slope(here: float, other: float, part: float) -> float | None:
+    """Slope of a line through two values over its value at 0; the second is 1, the first larger by `part`.
+
+    None: the line falls to 0 before.
+    """
+    slope = part / (here - other)
+    at_zero = 1.0 - slope * other
+    return abs(slope) / at_zero if at_zero > 0.0 else None
 
 
 def _comparable(other: Estimate, here: Estimate) -> bool:

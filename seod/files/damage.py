@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import gc
 import logging
-import resource
+import mmap
 import sys
 import threading
 import traceback
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from seod.machine.limits import RESOURCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,14 +76,16 @@ def library(*but: type[Exception]) -> Iterator[None]:
 
 
 class _Bound:
-    """The process' limit of private memory while any thread is inside `bounded`."""
+    """The process' limit of private memory while any thread is inside `bounded`; of Linux only."""
 
-    def __init__(self) -> None:
+    def __init__(self, resource: Any) -> None:
+        self._resource = resource
         self._lock = threading.Lock()
         self._inside = 0
         self._usual = resource.RLIM_INFINITY
 
     def enter(self, room: int) -> None:
+        resource = self._resource
         with self._lock:
             soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
             if not self._inside:
@@ -91,6 +95,7 @@ class _Bound:
             resource.setrlimit(resource.RLIMIT_DATA, (min([_private_bytes() + room, *limits]), hard))
 
     def leave(self) -> None:
+        resource = self._resource
         with self._lock:
             self._inside -= 1
             if not self._inside:
@@ -98,18 +103,24 @@ class _Bound:
                 resource.setrlimit(resource.RLIMIT_DATA, (self._usual, hard))
 
 
-_BOUND = _Bound()
+_BOUND = _Bound(RESOURCE) if RESOURCE is not None else None
 
 
 def _private_bytes() -> int:
     """Private writable memory of this process, as RLIMIT_DATA counts it."""
     pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[5]
-    return int(pages) * resource.getpagesize()
+    return int(pages) * mmap.PAGESIZE
 
 
 @contextmanager
 def bounded(size: int, times: int = TIMES_SIZE) -> Iterator[None]:
-    """The process may take `ROOM_BYTES` and `times` the file's size [bytes] more, else: MemoryError."""
+    """The process may take `ROOM_BYTES` and `times` the file's size [bytes] more, else: MemoryError.
+
+    On Linux; elsewhere nothing bounds them.
+    """
+    if _BOUND is None:
+        yield
+        return
     _BOUND.enter(ROOM_BYTES + times * size)
     try:
         yield

@@ -47,7 +47,8 @@ def create_recording(path: Path) -> int:
     Raises:
         OSError: It cannot be made.
     """
-    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, RECORDING_MODE)
+    binary = getattr(os, "O_BINARY", 0)  # Windows would change ends of lines
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | binary, RECORDING_MODE)
     restrict(path)
     return fd
 

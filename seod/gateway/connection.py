@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from seod.gateway.hub import Hub, Sink
     from seod.gateway.service import Result, Service
     from seod.gateway.turns import Turns
+    from seod.processes.hand_in import Peer
 
     Outcome = Result | RpcError | Awaitable[Result]
 
@@ -68,10 +69,16 @@ class Host(Protocol):
 
 
 class Connection(asyncio.BufferedProtocol):
-    """One client. `congested` while it leaves too much unread: then no more of its requests are begun."""
+    """One client. `congested` while it leaves too much unread: then no more of its requests are begun.
 
-    def __init__(self, server: Host) -> None:
+    Args:
+        server: Took it.
+        peer: Where it comes from, if the socket does not tell.
+    """
+
+    def __init__(self, server: Host, peer: Peer | None = None) -> None:
         self._server = server
+        self._peer = peer
         self._turns = server.turns
         self.session = server.service.session(self)
         self._splitter = LineSplitter()
@@ -141,14 +148,20 @@ class Connection(asyncio.BufferedProtocol):
     @property
     def name(self) -> str:
         """The client's address."""
-        host, port = self._transport.get_extra_info("peername")[:2]
+        host, port = self._address
         return f"{host}:{port}"
 
     @property
     def host(self) -> str:
         """The address of its computer."""
-        host: str = self._transport.get_extra_info("peername")[0]
-        return host
+        return self._address[0]
+
+    @property
+    def _address(self) -> Peer:
+        if self._peer is not None:  # the panel's
+            return self._peer
+        host, port = self._transport.get_extra_info("peername")[:2]
+        return str(host), int(port)
 
     @property
     def congested(self) -> bool:

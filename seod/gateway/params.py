@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from seod.config.units import KNOWN, parse_quantity
 from seod.protocol.jsonrpc import INVALID_PARAMS, RpcError, hint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 TOPICS = ("estimate", "sample", "event", "health", "model_error")
 Topic = Literal["estimate", "sample", "event", "health", "model_error"]
@@ -83,10 +87,38 @@ class DriveParams(AxisParams):
     """[frequency in Hz, amplitude in V, phase in rad] each, for a steady voltage; clipped at `volts`."""
 
 
+class RecordParams(Params):
+    """`on`: whether to record."""
+
+    on: bool
+
+
 class AuthenticateParams(Params):
     """`token`: one of the rig file's."""
 
     token: str
+
+
+def in_si(params: object, units: Mapping[str, str]) -> object:
+    """Settings that are text with a unit, such as `400 mV`, as numbers in SI.
+
+    Args:
+        params: As they came.
+        units: SI unit of each setting of the axis.
+
+    Raises:
+        RpcError: INVALID_PARAMS; a unit is of another dimension than the setting.
+    """
+    if not isinstance(params, dict):
+        return params
+    told = dict(params)
+    for name, unit in units.items():
+        if isinstance(value := told.get(name), str):
+            try:
+                told[name] = parse_quantity(value, KNOWN[unit][0])
+            except ValueError as error:
+                raise RpcError(INVALID_PARAMS, f"{name}: {error}") from None
+    return told
 
 
 P = TypeVar("P", bound=Params)

@@ -18,11 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seod.client.nearby import Address, announce
 from seod.config.model import RigConfig
 from seod.gateway.desk import Desk
 from seod.gateway.hub import Hub
 from seod.gateway.server import Server, ServerError
 from seod.gateway.service import Service
+from seod.processes.hand_in import receive_client
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
 from seod.processes.link import Link
 from seod.processes.realtime import set_fifo
@@ -60,12 +62,19 @@ class Gateway:
         link: Socket to the supervisor.
         observer: To the process that estimates.
         rig_file: The rig file; paths in it start from its folder.
+        panel: Where the panel hands in its clients, or None.
     """
 
     def __init__(
-        self, config: RigConfig, shared: Shared, link: socket.socket, observer: Link, rig_file: Path
+        self,
+        config: RigConfig,
+        shared: Shared,
+        link: socket.socket,
+        observer: Link,
+        rig_file: Path,
+        panel: socket.socket | None = None,
     ) -> None:
-        self._link, self._observer = link, observer
+        self._link, self._observer, self._panel = link, observer, panel
         self._words = shared.words
         self._ended = asyncio.Event()
         self._observer_ready = asyncio.Event()
@@ -89,6 +98,7 @@ class Gateway:
             ServerError: It cannot listen.
             GatewayError: The process that estimates cannot start, has ended, or hangs.
         """
+        held = None
         loop = asyncio.get_running_loop()
         loop.add_reader(self._observer.fileno(), self._hear_observer)
         loop.add_reader(self._link, self._hear)
@@ -96,6 +106,10 @@ class Gateway:
             await self._first_of(self._observer_ready)
             if not self._ended.is_set():
                 port = await self.server.start()
+                if self._panel is not None:
+                    loop.add_reader(self._panel, self._take_in, self._panel)
+                server = self.server.config
+                held = announce(Address(self.desk.config.rig, server.host, port, server.tls is not None))
                 send_json(self._link, {"gateway": "ready", "port": port})
             await self._serve()
         except (GatewayError, ServerError) as error:
@@ -105,8 +119,12 @@ class Gateway:
             await self._end_observer()
             loop.remove_reader(self._link)
             loop.remove_reader(self._observer.fileno())
+            if self._panel is not None:
+                loop.remove_reader(self._panel)
             self._observer.close()
             await self.server.close()
+            if held is not None:
+                held.close()
 
     async def _serve(self) -> None:
         """Until the end: each turn takes what the loop said, and is counted."""
@@ -163,6 +181,12 @@ class Gateway:
             asyncio.get_running_loop().remove_reader(self._link)
             self.end()
 
+    def _take_in(self, panel: socket.socket) -> None:
+        """The panel hands in a client: its end of a connection, and where it comes from."""
+        taken = receive_client(panel)
+        if taken is not None:
+            self.server.take_in(*taken)
+
     def _restart_loop(self) -> None:
         send_json(self._link, {"op": "restart_loop"})
 
@@ -186,10 +210,10 @@ def go_before_others() -> None:
 def observing(arguments: ChildArguments) -> Iterator[tuple[Link, subprocess.Popen[bytes]]]:
     """The process that estimates and records, as a child; killed if it does not end by itself."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    given = replace(arguments, supervisor_fd=theirs.fileno(), supervisor_pid=os.getpid())
-    fds = (given.config_fd, given.shared_fd, given.supervisor_fd)
+    given = replace(arguments, supervisor_fd=theirs.fileno(), supervisor_pid=os.getpid(), panel_fd=-1)
     with ours:
-        process = subprocess.Popen(given.command("seod.observe"), pass_fds=fds, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
+        command, fds = given.command("seod.observe"), given.inherited()
+        process = subprocess.Popen(command, pass_fds=fds, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
         theirs.close()
         try:
             yield Link(ours), process
@@ -215,7 +239,8 @@ async def serve(arguments: ChildArguments, link: socket.socket, observer: Link) 
     config = RigConfig.model_validate_json(read_memfd(arguments.config_fd))
     shared = Shared(arguments.axes, arguments.rows, arguments.shared_fd)
     try:
-        gateway = Gateway(config, shared, link, observer, Path(arguments.config_path))
+        panel = None if arguments.panel_fd < 0 else socket.socket(fileno=arguments.panel_fd)
+        gateway = Gateway(config, shared, link, observer, Path(arguments.config_path), panel)
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, gateway.end)
         prepare()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from seod.config.model import ServerConfig, TlsConfig
     from seod.gateway.hub import Hub, Sink
     from seod.gateway.service import Service
+    from seod.processes.hand_in import Peer
 
 GOODBYE_S = 0.5
 ACCEPTED_A_TURN = 16
@@ -55,6 +56,7 @@ class Server:
             service.overtake = self.overtake
         self._server: asyncio.Server | None = None
         self._ending = False
+        self._taking: set[asyncio.Task[Any]] = set()
 
     async def start(self) -> int:
         """Listen; returns the port.
@@ -83,6 +85,13 @@ class Server:
             listen_on(each.fileno(), LISTEN_BACKLOG)
         number: int = self._server.sockets[0].getsockname()[1]
         return number
+
+    def take_in(self, end: socket.socket, peer: Peer) -> None:
+        """Serve a client that the panel hands in: its end of the connection, and where it comes from."""
+        loop = asyncio.get_running_loop()
+        taking = loop.create_task(loop.connect_accepted_socket(lambda: Connection(self, peer), end))
+        self._taking.add(taking)
+        taking.add_done_callback(self._taking.discard)
 
     def admit(self, connection: Connection) -> RpcError | None:
         """Take one more connection; or the reason why not. Who may do nothing yet waits in the lobby."""

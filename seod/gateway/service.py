@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,9 +18,11 @@ from seod.gateway.params import (
     DriveParams,
     EstopParams,
     Params,
+    RecordParams,
     SetParams,
     SubscribeParams,
     UnsubscribeParams,
+    in_si,
     read_params,
 )
 from seod.processes.ring import bin_edges_us
@@ -109,6 +112,7 @@ class Service:
             "estop": Method("command", EstopParams, self._estop),
             "reset": Method("command", AxisParams, self._reset),
             "keepalive": Method("command", Params, self._keepalive),
+            "record": Method("command", RecordParams, self._record),
         }
 
     def session(self, sink: Sink) -> Session:
@@ -154,7 +158,8 @@ class Service:
         if request.method not in WITHOUT_SEAT and not session.take_seat():
             most = f"server.max_clients is {self._config.max_clients}"
             raise RpcError(TOO_MANY_CLIENTS, f"too many clients: {most}; only an e-stop is carried out")
-        return method.call(session, read_params(method.params, request.params))
+        params = self._in_si(request.params) if method.params is SetParams else request.params
+        return method.call(session, read_params(method.params, params))
 
     def _check_right(self, session: Session, right: Right) -> None:
         if right == "read" and not session.may_read:
@@ -260,6 +265,13 @@ class Service:
         self._holders.add(id(session))
         return self._carry_out("keepalive", None)
 
+    async def _record(self, _: Session, params: RecordParams) -> Result:
+        """Begin a recording, or end the one that was begun so; answers what `health` says of the recorder."""
+        answer: dict[str, Any] = json.loads(await self._rig.ask("record_on" if params.on else "record_off"))
+        if answer["error"]:
+            raise RpcError(REFUSED, answer["error"])
+        return {"recorder": answer["recorder"]}
+
     async def _carry_out(self, op: str, axis: int | None, values: dict[str, Any] | None = None) -> Result:
         await self._rig.mailbox.post(op, axis, values)
         return {"ok": True}
@@ -277,6 +289,14 @@ class Service:
         return self._carry_out(
             "drive", self._index(axis.name), params.model_dump(exclude={"axis"}, exclude_defaults=True)
         )
+
+    def _in_si(self, params: object) -> object:
+        """Settings with units as numbers, where the axis is known; else what is wrong is told later."""
+        name = params.get("axis") if isinstance(params, dict) else None
+        if name is None and len(self._rig.axes) == 1:
+            name = next(iter(self._rig.axes))
+        axis = self._rig.axes.get(name) if isinstance(name, str) else None
+        return params if axis is None else in_si(params, axis.config.setting_units)
 
     def _set(self, _: Session, params: SetParams) -> Awaitable[Result]:
         axis = self._axis(params.axis)

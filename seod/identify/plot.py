@@ -7,21 +7,22 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from seod.estimate.advice import INTERVAL
-from seod.files.user_files import named
 from seod.identify.record import IdentifyError
+from seod.plots.style import BEFORE, new_figure, style
 from seod.terminal.text import number, with_sd
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
+
+    from matplotlib.figure import Figure
 
     from seod.estimate.arrays import Array
     from seod.identify.answer import Result
     from seod.identify.fit import Fit
     from seod.identify.record import Record
 
-VALUES: Final = {"omega_n": (1.0, "rad/s"), "zeta": (1.0, ""), "delay": (1000.0, "ms"), "K_L": (1.0, "/s/V")}
-"""Factor and unit of each value; K_L has the unit of y before it."""
+VALUES: Final = {"omega_n": (1.0, "rad/s"), "zeta": (1.0, ""), "delay": (1000.0, "ms"), "K_L": (1.0, "")}
+"""Factor and unit of each value; that of K_L depends on y."""
 DRAWN: Final = 20_000
 """Most samples of a line: more are not seen."""
 CLOSE: Final = 8.0
@@ -32,40 +33,35 @@ LEAST: Final = 40
 """Samples of a close view, at least: fewer show no course."""
 
 
-def plot(records: Sequence[Record], units: Sequence[str], result: Result, to: Path) -> None:
-    """Draw each recording into a PNG file.
+def draw(records: Sequence[Record], units: Sequence[str], result: Result, gain_unit: str) -> Figure:
+    """Draw each recording.
 
     Args:
         records: As they were fitted.
         units: Of each one's y.
         result: With a fit.
-        to: The file.
+        gain_unit: Of K_L.
 
     Raises:
-        IdentifyError: matplotlib is not installed, or there is no plant to draw.
-        OSError: The file cannot be written.
+        IdentifyError: There is no plant to draw.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - optional
-    except ImportError as error:
-        raise IdentifyError("--plot needs matplotlib: pip install 'seod[plot]'") from error
     if result.fit is None:
         raise IdentifyError(f"nothing to draw: {result.message}")
-    figure = Figure(figsize=(11.0, 0.8 + 6.4 * len(records)), layout="constrained")
-    figure.suptitle(f"{_numbers(result.fit, units[0])}\nquality: {result.quality}", fontsize=9)
-    parts = figure.subfigures(len(records), 1, squeeze=False)[:, 0]
-    for part, record, unit, left in zip(parts, records, units, result.fit.residual, strict=True):
-        _draw(part, record, unit, left)
-    with named(to):
-        figure.savefig(to, format="png", dpi=110)
+    with style():
+        figure = new_figure(11.0, 0.8 + 6.4 * len(records))
+        figure.suptitle(f"{_numbers(result.fit, gain_unit)}\nquality: {result.quality}")
+        parts = figure.subfigures(len(records), 1, squeeze=False)[:, 0]
+        for part, record, unit, left in zip(parts, records, units, result.fit.residual, strict=True):
+            _draw(part, record, unit, left)
+    return figure
 
 
-def _numbers(fit: Fit, unit: str) -> str:
+def _numbers(fit: Fit, gain_unit: str) -> str:
     told = []
     for name, (factor, own) in VALUES.items():
         wide = INTERVAL * fit.sd[name] * factor
         value = with_sd(fit.value[name] * factor, wide if np.isfinite(wide) else None)
-        told.append(f"{name} {value} {unit}{own}" if name == "K_L" else f"{name} {value} {own}".rstrip())
+        told.append(f"{name} {value} {gain_unit if name == 'K_L' else own}".rstrip())
     return ", ".join(told) + f" (95 %); error {100.0 * fit.nrmse:.2f} %"
 
 
@@ -81,15 +77,15 @@ def _draw(part: Any, record: Record, unit: str, left: Array) -> None:
     places = part.subplot_mosaic(
         [["whole", "whole"], ["residual", "residual"], ["worst", "period"]], height_ratios=[1.2, 0.8, 1.2]
     )
-    part.suptitle(record.name, fontsize=9)
+    part.suptitle(record.name)
     rms = number(_rms(left), 3)
     whole = Look(slice(None), "")
     _lines(places["whole"], record, unit, left, whole)
     _residual(places["residual"], record, unit, left, rms)
     for name, look in zip(("worst", "period"), close_views(record, left), strict=True):
         _lines(places[name], record, unit, left, look)
-        places["whole"].axvspan(*record.t[look.rows][[0, -1]], color="0.9", zorder=0)
-    places["whole"].legend(fontsize=8, loc="upper right")
+        places["whole"].axvspan(*record.t[look.rows][[0, -1]], color="0.5", alpha=0.15, linewidth=0, zorder=0)
+    places["whole"].legend(loc="upper right")
 
 
 def _lines(axes: Any, record: Record, unit: str, left: Array, look: Look) -> None:
@@ -98,18 +94,16 @@ def _lines(axes: Any, record: Record, unit: str, left: Array, look: Look) -> Non
     is_close = len(t) < len(record.t)
     axes.plot(t[every], y[every], "." if is_close else "-", markersize=3, linewidth=0.8, label="measured")
     axes.plot(t[every], simulated[every], "-" if is_close else "--", linewidth=0.9, label="simulated")
-    axes.set_title(look.title, fontsize=8)
-    axes.set_ylabel(f"y [{unit}]", fontsize=8)
-    axes.set_xlabel("t [s]", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.set_title(look.title)
+    axes.set_ylabel(f"y [{unit}]")
+    axes.set_xlabel("t [s]")
 
 
 def _residual(axes: Any, record: Record, unit: str, left: Array, rms: str) -> None:
     every = slice(None, None, 1 + len(left) // DRAWN)
-    axes.plot(record.t[every], left[every], linewidth=0.6, color="tab:red")
-    axes.set_title(f"measured - simulated: rms {rms} {unit}", fontsize=8)
-    axes.set_ylabel(f"residual [{unit}]", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.plot(record.t[every], left[every], linewidth=0.6, color=BEFORE)
+    axes.set_title(f"measured - simulated: rms {rms} {unit}")
+    axes.set_ylabel(f"residual [{unit}]")
 
 
 def close_views(record: Record, left: Array) -> tuple[Look, Look]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from seod.data.open import open_source
 from seod.estimate.base import Row
 from seod.identify.record import IdentifyError
 from seod.processes.ring import FLAG_EXCITING, FLAG_SATURATED, FLAG_SECOND_PHASE
@@ -46,7 +45,7 @@ def relay_rows(
         IdentifyError: The voltage is no relay's.
         ReadError: The file cannot be read.
     """
-    told = _told(path, data, axis)
+    told = _told(data, axis)
     t_u = data.t if data.t_u is None else data.t_u
     ps = np.full(len(data.t), np.nan) if data.ps is None else data.ps
     columns: dict[str, NDArray[Any]] = {
@@ -115,12 +114,12 @@ def _integral(data: Recording, told: Mapping[str, Array]) -> Array:
     return np.concatenate(([0.0], np.cumsum(0.5 * (held[1:] + held[:-1]) * np.diff(data.t))))
 
 
-def _told(path: Path, data: Recording, axis: str | None) -> dict[str, Array]:
+def _told(data: Recording, axis: str | None) -> dict[str, Array]:
     """Columns of `_TOLD` that the file has, for the rows of `data`."""
     prefix = data.names["y"].removesuffix("y") if axis is None else f"{axis}."
     found: dict[str, list[Array]] = defaultdict(list)
     rows: list[Array] = []
-    with open_source(path) as source:
+    with data.opened() as source:
         for group in source.groups:
             there = {name: name.removeprefix(prefix) for name in (c.name for c in group.columns)}
             wanted = [name for name, role in there.items() if role in _TOLD and group.main]

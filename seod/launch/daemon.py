@@ -21,7 +21,7 @@ from seod.supervisor.process import SupervisorArguments, become
 from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig
+    from seod.config.model import RigConfig, ServerConfig
 
 ROWS_S = 2.0
 """Seconds of rows that the ring holds: how long the gateway may be busy without losing any."""
@@ -63,6 +63,7 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
             duration=duration,
             record=None if record is None else str(record.resolve()),
             parent=parent,
+            panel=has_panel(config.server),
         )
     )
 
@@ -84,7 +85,8 @@ def lock(config: RigConfig) -> None:
 
 def prepare(config: RigConfig) -> None:
     """Have the machine code of a simulated plant before a loop needs it: then it only has to be loaded."""
-    if driver_class(config.driver["kind"]).acts_on != "simulation" or is_plant_compiled():
+    kinds = config.simulation.kinds if config.simulation else ()
+    if driver_class(config.driver["kind"]).acts_on != "simulation" or is_plant_compiled(kinds):
         return
     if cache_folder() is None:
         told = "compiling the plant at each start: no folder to keep it in, set NUMBA_CACHE_DIR to one"
@@ -92,9 +94,14 @@ def prepare(config: RigConfig) -> None:
         return  # the loop does it, before it says that it is ready
     print("compiling the plant (once)", flush=True)  # noqa: T201 - likewise
     try:
-        compile_plant()
+        compile_plant(kinds)
     except subprocess.CalledProcessError as error:
         raise LaunchError("the simulated plant cannot be compiled, see above") from error
+
+
+def has_panel(server: ServerConfig) -> bool:
+    """Whether anything is served that the panel's process serves."""
+    return server.panel or server.scpi or server.foxglove
 
 
 def ring_rows(config: RigConfig) -> int:

@@ -22,10 +22,10 @@ LINEAR: Final = {"transport_delay", "sensor_lag", "sensor_quantization", "outlie
 
 
 def plant_of(config: RigConfig, axis: str) -> PlantConfig | None:
-    """The simulated plant that the axis' output moves; None for a rig without a model."""
+    """The simulated plant that the axis' output moves, reduced to Eq. 1; None for a rig without a model."""
     channel = config.outputs[config.axes[axis].output].channel
     plants = config.simulation.plants.values() if config.simulation else ()
-    return next((plant for plant in plants if plant.input == channel), None)
+    return next((plant.reduced for plant in plants if plant.input == channel), None)
 
 
 def needs_kernel(plant: PlantConfig) -> bool:

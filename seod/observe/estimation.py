@@ -197,8 +197,9 @@ class Axis:
         finding = self._levels.compare(e_a, answer)
         if finding is None or not finding.matters:
             return replace(answer, e_a_dependence=finding)
-        advice = levels.ADVICE.format(other=finding.other_e_a)
-        return replace(answer, e_a_dependence=finding, quality="nonlinear", advice=advice)
+        return replace(
+            answer, e_a_dependence=finding, quality="nonlinear", advice=levels.advise(e_a, finding)
+        )
 
     def reconcile(self, t: float, state: int) -> None:
         """Believe the newest row, of time `t` [s], where a state event was lost."""

@@ -83,6 +83,8 @@ class Observer:
             "info": self.rig.info,
             "status": self.rig.status,
             "get": lambda: self.rig.whole(self.rig.axes[axis]),
+            "record_on": lambda: self.rig.record(True),
+            "record_off": lambda: self.rig.record(False),
         }
         self._link.send({"answer": message["ask"], "text": json_text(asked[message["method"]]())})
 

@@ -28,6 +28,8 @@ from seod.record.opening import open_bus_log, open_recorder
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from seod.record.opening import Recorder
+
 POLL_S = 0.004
 """How often rows and events are taken: a small part of the 2 s of rows that the ring holds."""
 
@@ -55,7 +57,17 @@ def start_recording(path: Path | None, config: RigConfig, rig_file: Path) -> Rec
     except OSError as error:
         Recording(bus_log=bus_log).close()
         raise ObserveError(f"cannot record to {path}: {error.strerror or error}") from error
-    return Recording(recorder, bus_log)
+    folder = config.record.folder
+    if folder is None:
+        return Recording(recorder, bus_log)
+
+    def another() -> Recorder:
+        where = rig_file.parent / folder
+        where.mkdir(parents=True, exist_ok=True)
+        name = f"{config.rig}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}.mcap"
+        return open_recorder(where / name, config, text_of(rig_file, config))
+
+    return Recording(recorder, bus_log, another)
 
 
 def text_of(rig_file: Path, config: RigConfig) -> str:

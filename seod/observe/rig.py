@@ -5,6 +5,7 @@ Nothing here waits: `poll` takes what there is. Time is that of the rows, handed
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from seod import PROTOCOL, __version__
@@ -19,6 +20,7 @@ from seod.observe.recording import Recording
 from seod.observe.rows import RowReader
 from seod.observe.timing import Timing
 from seod.observe.two_phase import TwoPhases
+from seod.processes import journal
 from seod.processes.ring import Column
 from seod.record.layout import ESTIMATES, EVENTS, HEALTH, MODEL_ERRORS
 from seod.record.recorder import WAITING_ROWS
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
 HEALTH_S = 1.0
 SILENCE_S = 0.5
 """Without rows for this long, estimates are stale."""
+LATE_S = 1.0
+"""An answer that comes this long after its window tells of a rig that may be another by now."""
+LATE = "estimation has fallen behind: this answer is of more than a second ago (see age_s)"
 BEHIND = (0.5, 0.1)
 """Estimation rests while more of the ring waits than the first, and goes on below the second; by then rows
 come in time again. So it costs no rows, however long it takes."""
@@ -243,6 +248,7 @@ class Rig:
                 self._publish_newest(axis)
 
     def _publish_event(self, event: Event) -> None:
+        tell_journal(self._config.rig, event)
         self._recording.note(EVENTS, event["t"], event)
         self._hub.publish("event", event.get("axis"), event["t"], lambda: event)
 
@@ -256,7 +262,10 @@ class Rig:
         self._hub.publish("sample", axis, row[Column.T], lambda: sample_message(axis, tick, row))
 
     def _publish_estimate(self, axis: str, estimate: Estimate) -> None:
-        params = message(axis, estimate, self.now())
+        now = self.now()
+        if self._may_rest and now - estimate.t > LATE_S and estimate.quality == "ok":
+            estimate = replace(estimate, quality="stale", advice=LATE)
+        params = message(axis, estimate, now)
         self._recording.note(ESTIMATES + axis, estimate.t, params)
         self._hub.publish("estimate", axis, estimate.t, lambda: params)
 
@@ -318,6 +327,11 @@ class Rig:
         """The answer to `get`."""
         return {**axis.whole(self.now()), "model_error": self._monitors[axis.name].newest()}
 
+    def record(self, on: bool) -> dict[str, Any]:
+        """Begin a recording, or end the one that was begun so; `error` says why that cannot be."""
+        error = self._recording.begin() if on else self._recording.end()
+        return {**self._recording.report(), "error": error}
+
     def _realtime(self) -> dict[str, Any]:
         dead = self._dead_why
         realtime: dict[str, Any] = {"ok": False, "why": [dead]} if dead else self._started["realtime"]
@@ -341,3 +355,12 @@ class Rig:
             monitor.close()
         self._reader.close()
         self._recording.close()
+
+
+def tell_journal(rig: str, event: Event) -> None:
+    """Faults and warnings, for whoever reads the journal; of a dead loop the supervisor tells."""
+    kind, code = event["event"], event.get("code", "")
+    if kind in ("fault", "warning") and code != "loop_died":
+        priority = journal.ERROR if kind == "fault" else journal.WARNING
+        axis = event.get("axis") or ""
+        journal.tell(f"seod: {kind} {code}: {event['why']}", priority, RIG=rig, AXIS=axis, CODE=code)

@@ -19,12 +19,21 @@ MAX_ROWS = 256
 
 
 class RowReader:
-    """Takes rows in order; `lost` counts those that were overwritten before they could be taken."""
+    """Takes rows in order; `lost` counts those that were overwritten before they could be taken.
 
-    def __init__(self, shared: Shared) -> None:
+    Args:
+        shared: The memory shared with the loop.
+        looks_on: Begin at what comes next and leave no trace in the memory: for who does not record.
+    """
+
+    def __init__(self, shared: Shared, *, looks_on: bool = False) -> None:
+        self._looks_on = looks_on
         self._ring = shared.row_ring
         self._words = shared.words
-        self._ring.tail = shared.words[Word.CONSUMED]  # where an earlier gateway ended
+        if looks_on:
+            self._ring.skip_to_head()
+        else:
+            self._ring.tail = shared.words[Word.CONSUMED]  # where an earlier gateway ended
         self._slots = np.frombuffer(self._ring.data, row_dtype(shared.axes), count=shared.rows)
         self._torn = 0
         self._last_tick = -1
@@ -60,7 +69,8 @@ class RowReader:
         head = min(head if upto is None else max(upto, tail), tail + MAX_ROWS)
         rows = self._slots[np.arange(tail, head) % len(self._slots)]
         self._ring.tail = head
-        self._words[Word.CONSUMED] = head
+        if not self._looks_on:
+            self._words[Word.CONSUMED] = head
         return self._whole(rows, tail)
 
     def _whole(self, rows: NDArray[np.void], tail: int) -> NDArray[np.void]:

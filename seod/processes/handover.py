@@ -27,6 +27,7 @@ class ChildArguments:
         generation: Number of this loop process, from 1.
         record: File to record to, or None.
         config_path: Where the rig file lies, for messages.
+        panel_fd: Between gateway and panel: clients of the panel come through it; -1 without a panel.
     """
 
     config_fd: int
@@ -38,6 +39,12 @@ class ChildArguments:
     generation: int
     record: str | None
     config_path: str
+    panel_fd: int = -1
+
+    def inherited(self) -> tuple[int, ...]:
+        """Descriptors that a child gets."""
+        fds = (self.config_fd, self.shared_fd, self.supervisor_fd)
+        return fds if self.panel_fd < 0 else (*fds, self.panel_fd)
 
     def command(self, module: str) -> list[str]:
         """Command line that runs `module` with these arguments."""

@@ -9,14 +9,12 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from seod.files.user_files import named
 from seod.respond.fit import NAMES, Plant, model
-from seod.respond.record import RespondError
 from seod.terminal import console
 from seod.terminal.text import number
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from matplotlib.figure import Figure
 
     from seod.respond.fit import Fit
     from seod.respond.points import Points
@@ -167,38 +165,31 @@ def _distortion_text(response: Response) -> list[str]:
     return [f"distortion: {', '.join(parts)}"] if parts else []
 
 
-def plot(response: Response, output: Output, cycle: LimitCycle | None, title: str, to: Path) -> None:
-    """Bode plot into a PNG file: points and their fit; the limit cycle as a line (Figs. 13, 14).
+def draw(response: Response, output: Output, cycle: LimitCycle | None, title: str) -> Figure:
+    """Bode plot: points and their fit; the limit cycle as a line (Figs. 13, 14)."""
+    from seod.plots.style import new_figure, style  # noqa: PLC0415 - matplotlib
 
-    Raises:
-        RespondError: matplotlib is not installed.
-        OSError: The file cannot be written.
-    """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - optional
-    except ImportError as error:
-        raise RespondError("--plot needs matplotlib: pip install 'seod[plot]'") from error
-    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
-    gain, phase = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    _draw_points(gain, phase, response)
-    _draw_curves(gain, phase, response, cycle, output)
-    gain.set_title(title, fontsize=10)
-    gain.set_ylabel("position / voltage [dB]" if output == "position" else "speed / voltage [dB]")
-    phase.set_ylabel("phase [deg]")
-    phase.set_xlabel("frequency [rad/s]")
-    phase.set_xscale("log")
-    for axes in (gain, phase):
-        axes.grid(visible=True, which="both", linewidth=0.3)
-    gain.legend(fontsize=8)
-    with named(to):
-        figure.savefig(to, format="png", dpi=110)
+    with style():
+        figure = new_figure(7.0, 6.4)
+        gain, phase = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        _draw_points(gain, phase, response)
+        _draw_curves(gain, phase, response, cycle, output)
+        gain.set_title(title)
+        gain.set_ylabel("position / voltage [dB]" if output == "position" else "speed / voltage [dB]")
+        phase.set_ylabel("phase [deg]")
+        phase.set_xlabel("frequency [rad/s]")
+        phase.set_xscale("log")
+        gain.legend()
+    return figure
 
 
 def _draw_points(gain: Any, phase: Any, response: Response) -> None:
+    from seod.plots.style import ORDER  # noqa: PLC0415 - matplotlib
+
     found = response.points
     clear = found.sd < 0.3 * np.abs(found.G)
     omega, G, spread = found.omega[clear], found.G[clear], found.sd[clear] / np.abs(found.G[clear])
-    bars = {"fmt": "o", "markersize": 4, "capsize": 2, "elinewidth": 0.8, "color": "tab:blue"}
+    bars = {"fmt": "o", "markersize": 4, "capsize": 2, "elinewidth": 0.8, "color": ORDER[0]}
     gain.errorbar(
         omega, _decibel(G), INTERVAL * 20.0 / math.log(10.0) * spread, label="response, points", **bars
     )
@@ -206,14 +197,12 @@ def _draw_points(gain: Any, phase: Any, response: Response) -> None:
 
 
 def _draw_curves(gain: Any, phase: Any, response: Response, cycle: LimitCycle | None, output: Output) -> None:
+    from seod.plots.style import BEFORE, FLOOR  # noqa: PLC0415 - matplotlib
+
     omega = np.geomspace(response.points.omega[0] / 1.5, response.points.omega[-1] * 1.5, 400)
-    curves = [
-        ("response, fitted", response.fit.plant, {"color": "tab:gray", "linestyle": "--", "linewidth": 1.0})
-    ]
+    curves = [("response, fitted", response.fit.plant, {"color": FLOOR, "linestyle": "--", "linewidth": 1.0})]
     if cycle is not None:
-        curves.append(
-            (f"limit cycle, {cycle.e_a:.3g} V", cycle.plant, {"color": "tab:red", "linewidth": 1.4})
-        )
+        curves.append((f"limit cycle, {cycle.e_a:.3g} V", cycle.plant, {"color": BEFORE, "linewidth": 1.4}))
     for label, plant, style in curves:
         G = model(plant, omega, output)
         gain.plot(omega, _decibel(G), label=label, **style)

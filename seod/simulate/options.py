@@ -10,7 +10,8 @@ from sim.effects import parameter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
+
+    from sim.excitation import GivenInput
 
 Excitation = Literal["relay", "two-phase", "sine", "sweep", "linear-sweep", "multisine", "steps", "file"]
 
@@ -44,7 +45,7 @@ class Options:
     period: float | None = None
     lines: int | None = None
     cycles: int | None = None
-    input: Path | None = None
+    input: GivenInput | None = None
     noise: float | None = None
     latency: float = 0.0
     seed: int | None = None
@@ -95,19 +96,3 @@ def read_effects(words: Iterable[str]) -> dict[str, dict[str, float]]:
 
 def _example(null: float) -> str:
     return f"{null:g}" if math.isfinite(null) and null != 0.0 else "1"
-
-
-def read_band(text: str) -> tuple[float, float]:
-    """`"0.5:60"` to lowest and highest frequency [Hz].
-
-    Raises:
-        ValueError: It is no such band.
-    """
-    low, _, high = text.partition(":")
-    try:
-        band = float(low), float(high)
-    except ValueError:
-        band = math.nan, math.nan
-    if not 0.0 < band[0] <= band[1] < math.inf:
-        raise ValueError(f"--band {text}: give LOW:HIGH in Hz, such as 0.5:60")
-    return band

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from seod.config.gain_in_force import gain_of, gain_range
+from seod.machine.limits import memory_bytes
 from seod.simulate.surroundings import Surroundings
 from seod.simulate.view import AxisView, plant_of
-from sim.excitation import GivenInput, multisine, read_input, sine, steps, sweep
+from sim.excitation import GivenInput, multisine, sine, steps, sweep
 from sim.experiment import Experiment, Relay, with_effects
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ class Simulation:
 
     Raises:
         ValueError: A wish cannot be fulfilled; the message says why.
-        OSError: The input file cannot be read.
     """
 
     config: RigConfig
@@ -55,7 +54,7 @@ class Simulation:
         options = self.options
         self.config = _with_plant(self.config, self.name, options.effects)
         self.view = AxisView(self.config, self.name)
-        given = read_input(options.input) if options.input else None
+        given = options.input
         self.t = given.t if given else _ticks(options.duration, self.config.loop.rate_hz)
         self.surroundings = Surroundings(self.view, len(self.t), given)
         self.signal = None if options.excitation in {"relay", "two-phase"} else self._signal(given)
@@ -97,9 +96,12 @@ class Simulation:
     @property
     def compiled_parts(self) -> list[str]:
         """Functions of the kernel that it calls."""
-        relay = ["runs.sampled_relay"] if self.signal is None else []
+        room, loop = (
+            ("runs", "sampled_relay") if self.view.plant.hydraulic is None else ("closed_loop", "relay")
+        )
+        relay = [f"{room}.{loop}"] if self.signal is None else []
         held = self.signal is not None or self.experiment.approach is not None
-        return relay + (["runs.follow"] if held else [])
+        return relay + ([f"{room}.follow"] if held else [])
 
     def run(self) -> dict[str, Array]:
         """The recording's columns, in SI.
@@ -174,11 +176,6 @@ def _with_plant(config: RigConfig, axis: str, effects: dict[str, dict[str, float
         for name, each in simulation.plants.items()
     }
     return config.model_copy(update={"simulation": simulation.model_copy(update={"plants": plants})})
-
-
-def memory_bytes() -> int:
-    """Memory of this computer."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def _ticks(duration: float | None, rate: float) -> Array:

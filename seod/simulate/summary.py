@@ -7,22 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.linear import small_signal
+from sim.truth import numbers
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from seod.simulate.procedure import Simulation
 
 
-def summary(path: Path, simulation: Simulation, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+def summary(simulation: Simulation, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
     """JSON-able; K_L in the axis' unit, parameters of effects in the plant's."""
     t, y = columns["t"], columns["y"]
     velocity = simulation.view.axis.mode == "velocity"
     return {
-        "file": str(path),
         "rig": simulation.config.rig,
         "axis": simulation.name,
         "output": "velocity" if velocity else "position",
@@ -59,8 +56,15 @@ def _small_signal(simulation: Simulation, unit: float) -> dict[str, float | str 
         "warmth": float(experiment.warmth[0]) if len(experiment.warmth) else 0.0,
     }
     try:
-        found = small_signal(experiment.p, **at)
+        values = numbers(simulation.experiment.plant, **at)
     except ValueError as error:
         return {"K_L": None, "omega_n": None, "zeta": None, "why": str(error)}
-    values = {"K_L": found.K_L * unit, "omega_n": found.omega_n, "zeta": found.zeta, "delay": found.delay}
+    values |= {"K_L": values["K_L"] * unit, "delay": _delay(simulation)}
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def _delay(simulation: Simulation) -> float:
+    """From the command to the valve [s]."""
+    p = simulation.experiment.p
+    names = p.dtype.names or ()
+    return float(p["valve_delay" if "valve_delay" in names else "transport_delay_time"][0])

@@ -10,7 +10,7 @@ import numpy as np
 from seod.config.units import UNITS
 from seod.loop.sensor import make_sensor
 from sim.experiment import count_size
-from sim.sensor_config import AbsoluteEncoderTruth
+from sim.sensor_config import AbsoluteEncoderTruth, FvConverterTruth, LinearScaleTruth
 from sim.sensors import make_sensor as make_truth
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from seod.config.model import RigConfig
     from seod.loop.sensor import Sensor
     from sim.config import PlantConfig
+    from sim.sensor_config import AnySensor
     from sim.sensors import Perfect
 
     Array = NDArray[np.float64]
@@ -79,12 +80,22 @@ class AxisView:
         return zero + (np.rint((y - zero) / step) + 0.5) * step
 
     def _slope(self) -> float:
-        truth, believed = self._sensors()
+        believed, truth = (
+            make_sensor(self.sensor),
+            make_truth(_fine(self.plant.sensor), self.plant.measures_speed),
+        )
         start = 0.0 if self.plant.measures_speed else self.plant.position
         step = count_size(self.plant) or 1e-6 * (1.0 + abs(start))
         around = self._counted(np.array([start, start + step])).tolist()
         low, high = (believed.read(truth.number(x)) for x in around)
         return float(f"{(high - low) / step:.9g}")  # the rest is the difference's rounding
+
+
+def _fine(sensor: AnySensor | None) -> AnySensor | None:
+    """The sensor without the counts of its A/D converter, which are larger than a small step."""
+    if isinstance(sensor, FvConverterTruth | LinearScaleTruth):
+        return sensor.model_copy(update={"adc": None})
+    return sensor
 
 
 def plant_of(config: RigConfig, axis: str) -> PlantConfig:

@@ -28,7 +28,7 @@ class Child:
             mine = replace(arguments, supervisor_fd=theirs.fileno())
             self.process = subprocess.Popen(  # noqa: S603 - our own module
                 mine.command(module),
-                pass_fds=(mine.config_fd, mine.shared_fd, mine.supervisor_fd),
+                pass_fds=mine.inherited(),
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,  # ctrl-C in a terminal is for the supervisor to act on, in order
             )

@@ -18,10 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from drivers.neutral import NeutralWriter, open_neutral
+from seod.processes import journal
 from seod.processes.handover import ChildArguments, die_with_parent, receive_json, send_json
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
 from seod.supervisor.child import Child
+from seod.supervisor.panel import PanelKeeper
+from seod.supervisor.say import say
 from seod.supervisor.sdnotify import notify, watchdog_interval
 
 GATEWAY_RESTARTS = 5
@@ -49,6 +52,7 @@ class SupervisorArguments:
         duration: How long to run [s], or None.
         record: File to record to, or None.
         parent: Process whose end ends the daemon (`seod run --watch`), or None.
+        panel: Whether there is a panel.
     """
 
     config_fd: int
@@ -62,6 +66,7 @@ class SupervisorArguments:
     duration: float | None
     record: str | None
     parent: int | None
+    panel: bool = False
 
 
 class Supervisor:
@@ -75,6 +80,7 @@ class Supervisor:
         self.poller.register(self.wake_read, select.POLLIN)
         self.loop: Child | None = None
         self.gateway: Child | None = None
+        self.panel = PanelKeeper(self.start_panel) if arguments.panel else None
         self.generation = 0
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
@@ -89,6 +95,7 @@ class Supervisor:
         self.ending = False
         self.exit_code = 0
         self.announced = False
+        self.ticks_fed = 0
         self.began = time.monotonic()
         self.ends_at = float("inf")
         self.fed = 0.0
@@ -106,6 +113,7 @@ class Supervisor:
             self.shared.words[Word.BEATS] += 1
             self.watch_ticks()
             self.watch_gateway()
+            self.announce()
             self.feed_watchdog()
             self.watch_times()
         self.shut_down()
@@ -123,13 +131,22 @@ class Supervisor:
             self.hear_loop(self.loop)
         elif self.gateway is not None and fd == self.gateway.link.fileno():
             self.hear_gateway(self.gateway)
+        elif self.panel is not None and self.panel.child is not None:
+            self.serve_panel(self.panel, self.panel.child, fd)
+
+    def serve_panel(self, panel: PanelKeeper, child: Child, fd: int) -> None:
+        """The panel says something, or has ended."""
+        if fd == child.pidfd:
+            panel.died(self.drop)
+        elif fd == child.link.fileno() and not panel.hear():
+            self.forget_link(child)
 
     def take_signals(self) -> None:
         """SIGTERM and SIGINT end the daemon."""
         os.read(self.wake_read, 64)
         self.ending = True
 
-    def child(self, module: str) -> Child:
+    def child(self, module: str, panel_fd: int = -1) -> Child:
         """Start a child and watch it."""
         arguments = ChildArguments(
             config_fd=self.arguments.config_fd,
@@ -141,6 +158,7 @@ class Supervisor:
             generation=self.generation,
             record=self.record(),
             config_path=self.arguments.config_path,
+            panel_fd=panel_fd,
         )
         child = Child(module, arguments)
         self.poller.register(child.pidfd, select.POLLIN)
@@ -178,9 +196,15 @@ class Supervisor:
     def start_gateway(self) -> None:
         """Start the gateway process."""
         self.gateway_starts += 1
-        self.gateway = self.child("seod.gateway")
+        self.gateway = self.child(
+            "seod.gateway", -1 if self.panel is None else self.panel.gateway_end.fileno()
+        )
         if self.death:  # which the gateway before knew, and this one could not
             self.tell_gateway(self.death)
+
+    def start_panel(self, panel_fd: int) -> Child:
+        """Start the panel's process."""
+        return self.child("seod.panel", panel_fd)
 
     def hear_loop(self, loop: Child) -> None:
         """The loop says how neutral can be written without it, and when it is ready."""
@@ -199,8 +223,7 @@ class Supervisor:
             loop.ready, self.holding_neutral = True, False
             self.ticks_seen, self.still = -1, 0
             for why in message["warnings"] if isinstance(message["warnings"], list) else []:
-                say(f"warning: not real-time: {why}")
-            self.announce()
+                self.say(f"warning: not real-time: {why}", journal.WARNING, "not_realtime")
 
     def hear_gateway(self, gateway: Child) -> None:
         """The gateway says that it listens, or that a client reset a rig whose loop is dead."""
@@ -211,21 +234,24 @@ class Supervisor:
             return
         if message.get("gateway") == "ready":
             gateway.ready = True
-            say(f"{self.arguments.rig}: JSON-RPC on port {message['port']}")
-            self.announce()
+            self.say(f"{self.arguments.rig}: JSON-RPC on port {message['port']}")
         elif message.get("gateway") == "failed":
             gateway.failure, gateway.ready = str(message["why"]), False
         elif message.get("op") == "restart_loop" and self.loop is None:
             self.start_loop()
 
     def announce(self) -> None:
-        """Tell systemd once both children are ready; the time given by --for begins."""
+        """Tell systemd once both children are ready and a tick is done; the time given by --for begins."""
         if self.announced or not (self.loop and self.loop.ready and self.gateway and self.gateway.ready):
+            return
+        if not self.shared.words[Word.TICKS]:
             return
         self.announced = True
         if self.arguments.duration is not None:
             self.ends_at = time.monotonic() + self.arguments.duration
         notify(f"READY=1\nSTATUS={self.arguments.rig}: running")
+        if self.panel is not None:  # now: it must not hold up what the rig depends on
+            self.panel.start()
 
     def watch_ticks(self) -> None:
         """A loop that is ready but does not tick is fenced; a rig without a loop is held at neutral."""
@@ -274,7 +300,7 @@ class Supervisor:
         why = hung or how
         self.drop(loop)
         self.loop = None
-        say(f"the loop process {why}; {written}")
+        self.say(f"the loop process {why}; {written}", journal.ERROR, "loop_died")
         notify(f"STATUS={self.arguments.rig}: fault: the loop process {why}")
         self.death = {
             "loop": "died",
@@ -296,7 +322,7 @@ class Supervisor:
         gateway.process.wait()
         self.drop(gateway)
         self.gateway = None
-        say(f"the gateway process {why}")
+        self.say(f"the gateway process {why}", journal.ERROR, "gateway_died")
         if not self.announced or self.gateway_starts > GATEWAY_RESTARTS:
             self.ending, self.exit_code = True, 1
         else:
@@ -313,10 +339,12 @@ class Supervisor:
             send_json(self.gateway.link, message)
 
     def feed_watchdog(self) -> None:
-        """Feed systemd's watchdog while the loop ticks, or while the rig is held at neutral for it."""
-        now = time.monotonic()
-        if now - self.fed >= self.watchdog and self.still == 0:
-            self.fed = now
+        """Feed systemd's watchdog by ticks that were done, or while there is no loop that could do any."""
+        now, ticks = time.monotonic(), self.shared.words[Word.TICKS]
+        if now - self.fed < self.watchdog:
+            return
+        if ticks != self.ticks_fed or self.loop is None or not self.loop.ready:
+            self.fed, self.ticks_fed = now, ticks
             notify("WATCHDOG=1")
 
     def watch_times(self) -> None:
@@ -325,8 +353,15 @@ class Supervisor:
         if now >= self.ends_at:
             self.ending = True
         elif not self.announced and now - self.began > START_TIMEOUT_S:
-            say(f"loop and gateway were not ready within {START_TIMEOUT_S:.0f} s")
+            self.say(
+                f"loop and gateway were not ready within {START_TIMEOUT_S:.0f} s", journal.ERROR, "start"
+            )
             self.ending, self.exit_code = True, 1
+
+    def say(self, text: str, priority: int = journal.INFO, code: str = "") -> None:
+        """One line for the journal, with the rig's name as a field, or for the terminal."""
+        if not journal.tell(f"seod: {text}", priority, RIG=self.arguments.rig, CODE=code):
+            say(text)
 
     def still_here(self) -> None:
         """Children may take longer to end than systemd's watchdog waits."""
@@ -339,17 +374,14 @@ class Supervisor:
             self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
+        if self.panel is not None:
+            self.panel.end()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
             self.gateway.end(self.still_here)
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()
-
-
-def say(text: str) -> None:
-    """One line for the journal or the terminal."""
-    print(f"seod: {text}", file=sys.stderr, flush=True)  # noqa: T201 - the daemon's own log
 
 
 def install_signals(wake_fd: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from typing import TYPE_CHECKING, Any, TextIO
@@ -107,8 +108,19 @@ class Board:
         return cells
 
 
+PIPED_HZ = 2.0
+"""Lines of each axis a second where nobody asks for more and no terminal shows a table."""
+
+
 def watch(
-    client: Client, duration: float | None = None, count: int | None = None, out: TextIO | None = None
+    client: Client,
+    duration: float | None = None,
+    count: int | None = None,
+    out: TextIO | None = None,
+    *,
+    axis: str | None = None,
+    rate_hz: float | None = None,
+    as_json: bool = False,
 ) -> None:
     """Show live estimates until the time is up, `count` estimates have come, or the daemon ends.
 
@@ -117,17 +129,24 @@ def watch(
         duration: How long [s].
         count: How many estimates.
         out: Where to; the standard output if left out. A terminal gets the table, anything else lines.
+        axis: Only this one.
+        rate_hz: Estimates a second of each axis, at most; None: all in a table, `PIPED_HZ` as lines.
+        as_json: Lines of JSON, each a notification of the protocol.
 
     Raises:
         EndedError: The daemon ended.
     """
     stream = out or sys.stdout
-    client.subscribe(["estimate", "event", "health"])
-    board = Board(client.status(), time.monotonic())
-    if stream.isatty():
-        _watch_table(client, board, console(stream), duration, count)
+    as_table = stream.isatty() and not as_json
+    axes = None if axis is None else [axis]
+    client.subscribe(["estimate"], axes, rate_hz or (None if as_table else PIPED_HZ))
+    client.subscribe(["event", "health"] if as_table else ["event"], axes)
+    if as_table:
+        status = client.status()
+        status["axes"] = {name: each for name, each in status["axes"].items() if axis in (None, name)}
+        _watch_table(client, Board(status, time.monotonic()), console(stream), duration, count)
     else:
-        _watch_lines(client, stream, duration, count)
+        _watch_lines(client, stream, duration, count, as_json)
 
 
 def _watch_table(
@@ -146,10 +165,15 @@ def _watch_table(
                 return
 
 
-def _watch_lines(client: Client, stream: TextIO, duration: float | None, count: int | None) -> None:
+def _watch_lines(
+    client: Client, stream: TextIO, duration: float | None, count: int | None, as_json: bool
+) -> None:
     for message in client.notifications(duration):
         count = left(count, message)
-        if message["method"] == "estimate":
+        if as_json:
+            told = {"method": message["method"], "params": message["params"]}
+            print(json.dumps(told), file=stream, flush=True)
+        elif message["method"] == "estimate":
             print(estimate(message["params"]), file=stream, flush=True)
         elif message["method"] == "event":
             print(event(message["params"]), file=stream, flush=True)

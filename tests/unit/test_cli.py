@@ -132,7 +132,9 @@ def test_rig_is_only_for_simulated_rigs_on_a_bus():
 
 def test_attending_needs_a_port_that_is_known(tmp_path):
     config = tmp_path / "rig.yaml"
-    config.write_text((configs_dir() / "virtual.yaml").read_text().replace("port: 7600", "port: 0"))
+    config.write_text(
+        (configs_dir() / "virtual.yaml").read_text().replace("port: 7600", "port: 0\n  panel: false")
+    )
     code, _, err = invoke("run", config, "--watch")
     assert code == 1
     assert "need a fixed port" in err
@@ -167,6 +169,7 @@ def test_every_command_of_this_version_is_there():
             "export",
             "identify",
             "response",
+            "init",
         }
         | over_tcp
     )

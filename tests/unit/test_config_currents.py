@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import typer
 
-from seod.commands.common import _gain
+from seod.commands.quantity import Gain
 from seod.commands.over_tcp import read_assignments
 from seod.config.check import check
 from seod.config.load import ConfigErrors, load_text
@@ -151,6 +151,6 @@ def test_clients_may_write_units() -> None:
     )
     with pytest.raises(typer.BadParameter, match="K_L: wrong unit 'mm'"):
         read_assignments(["K_L=50 mm"])
-    assert (_gain("17"), _gain("50 mm/s/V")) == pytest.approx((17.0, 0.05))
+    assert (Gain()("17"), Gain()("50 mm/s/V")) == pytest.approx((17.0, 0.05))
     with pytest.raises(typer.BadParameter, match="wrong unit"):
-        _gain("50 mm")
+        Gain()("50 mm")

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seod.diagnose.command as command_module
+from seod.api.data import pair as rising
 from seod.cli import app
-from seod.commands.common import rising
 from seod.config.load import load_rig
 from seod.data import read
 from seod.diagnose.command import Options, command_line, output_of, unit_of
@@ -72,7 +72,9 @@ def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answe
     out = tmp_path / "found"
     result = typed(recording, "--json", "--out", out, "--holdout", recording)
     told = json.loads(result.stdout)
-    assert told == with_intervals(answer).as_json()
+    assert told == with_intervals(answer).as_json() | {
+        "units": {"y": "rad", "K_L": "rad/s/V", "omega_n": "rad/s", "zeta": "1"}
+    }
     assert json.loads((out / "diagnosis.json").read_text()) == told
     low, high = told["baseline"]["holdout_ci95"]
     assert 0.0 < low < told["baseline"]["holdout_nrmse"] < high

@@ -85,7 +85,7 @@ def odd(request, tmp_path):
 def test_what_is_no_regular_file_is_refused_unopened(words, odd, csv):
     path, kind = odd
     code, out, err = invoke(*(word.format(csv=csv, rig=VIRTUAL) for word in words), path)
-    assert (code, out) == (1, "")
+    assert (code, out) == (os.EX_CONFIG if words == ["run"] else 1, "")
     assert f"{path}: is {kind}, not a file" in err or f"{path}:1: is {kind}, not a file" in err
 
 

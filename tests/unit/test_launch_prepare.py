@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,6 +13,9 @@ from seod.files.shipped import configs_dir
 from seod.launch import daemon
 from seod.launch.daemon import LaunchError, prepare
 from sim import cache
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
 
 
 @pytest.fixture
@@ -22,7 +26,8 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(daemon, "cache_folder", cache.cache_folder)
     done: list[str] = []
 
-    def compile_plant() -> None:
+    def compile_plant(kinds: Collection[str]) -> None:
+        assert list(kinds) == ["reduced"]
         done.append("plant")
         folder = cache.cache_folder()
         assert folder is not None
@@ -62,7 +67,7 @@ def test_without_a_folder_the_loop_compiles_and_it_is_said_how_to_mend_that(
 def test_a_plant_that_cannot_be_compiled_is_no_traceback(
     compiled: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail() -> None:
+    def fail(_kinds: Collection[str]) -> None:
         raise subprocess.CalledProcessError(1, "python")
 
     monkeypatch.setattr(daemon, "compile_plant", fail)
@@ -87,7 +92,8 @@ def test_a_state_of_the_sources_has_a_folder_of_its_own(
     copies = tmp_path / "sim"
     copies.mkdir()
     for name in cache.SOURCES:
-        (copies / name).write_bytes(Path(cache.__file__).with_name(name).read_bytes())
+        (copies / name).parent.mkdir(exist_ok=True)
+        (copies / name).write_bytes((Path(cache.__file__).parent / name).read_bytes())
     monkeypatch.setattr(cache, "__file__", str(copies / "cache.py"))
     assert cache.cache_folder() == before
     (copies / "physics.py").write_text("changed")
@@ -95,6 +101,7 @@ def test_a_state_of_the_sources_has_a_folder_of_its_own(
 
 
 def test_every_module_with_machine_code_is_one_of_the_sources() -> None:
-    modules = Path(cache.__file__).parent.glob("*.py")
-    compiled_ones = {each.name for each in modules if "from sim.compiled import" in each.read_text()}
-    assert {"kernel.py", "plant.py"} <= compiled_ones <= set(cache.SOURCES)
+    folder = Path(cache.__file__).parent
+    modules = [each for each in folder.rglob("*.py") if "from sim.compiled import" in each.read_text()]
+    compiled_ones = {each.relative_to(folder).as_posix() for each in modules}
+    assert {"kernel.py", "plant.py", "hydraulics/motion.py"} <= compiled_ones <= set(cache.SOURCES)

@@ -10,8 +10,8 @@ from fake_loop import peer, rig_config, running
 from relay_truth import K_L, PLANTS, TICK, amplitude_of
 
 from seod.estimate import make_estimator
-from seod.estimate.base import Estimate
-from seod.estimate.levels import FRESH_S, Levels, dependence
+from seod.estimate.base import Dependence, Estimate
+from seod.estimate.levels import FRESH_S, Levels, advise, dependence
 from seod.observe.estimation import Axis
 from seod.processes.ring import FLAG_EXCITING, FLAG_FRESH, AxisState
 from sim.parameters import parameters
@@ -91,6 +91,35 @@ def test_where_it_does_not_depend_any_more_it_is_believed_again():
     assert answers[1][-1].quality == "nonlinear"
     assert answers[2][-1].quality == "ok"
     assert answers[2][-1].e_a_dependence.other_e_a == 0.03
+
+
+def found(e_a: float, other: float, zeta: float, omega_n: float = 0.0) -> Dependence:
+    return Dependence(other, zeta=zeta, omega_n=omega_n, K_L=None, sds=9.0, matters=True)
+
+
+class TestAdvice:
+    """Values made by a straight line over e_a, or over 1 / e_a, and what follows from them by hand."""
+
+    def test_the_largest_amplitude_that_would_do(self):
+        zeta = {e_a: 0.2 * (1.0 + 0.5 * e_a) for e_a in (0.4, 1.0)}
+        said = advise(1.0, found(1.0, 0.4, zeta[1.0] / zeta[0.4] - 1.0))
+        assert said.endswith("up to e_a = 0.04 V")  # 2 % / 0.5
+        assert advise(0.4, found(0.4, 1.0, zeta[0.4] / zeta[1.0] - 1.0)).endswith("up to e_a = 0.04 V")
+
+    def test_the_parameter_that_depends_more_decides(self):
+        omega_n = {e_a: 100.0 * (1.0 - 0.8 * e_a) for e_a in (0.1, 0.5)}
+        said = advise(0.5, found(0.5, 0.1, 0.01, omega_n[0.5] / omega_n[0.1] - 1.0))
+        assert said.endswith("up to e_a = 0.025 V")
+
+    def test_friction_asks_for_a_large_one(self):
+        zeta = {e_a: 0.2 * (1.0 + 0.05 / e_a) for e_a in (0.2, 1.0)}
+        said = advise(1.0, found(1.0, 0.2, zeta[1.0] / zeta[0.2] - 1.0))
+        assert said.endswith("from e_a = 2.5 V on")
+
+    def test_a_line_that_falls_below_nothing_tells_no_bound(self):
+        said = advise(1.0, found(1.0, 0.9, 5.0))
+        assert "state e_a with it" in said
+        assert "up to" not in said
 
 
 class TestLevels:

@@ -34,6 +34,8 @@ pytestmark = pytest.mark.slow
 RIGS = sorted(configs_dir().glob("*.yaml"))
 LINES = {"arduino", "serial"}
 """Their other end is a process of its own that keeps real time: tests/test_serial.py."""
+PHYSICAL = {"servo-hydraulic", "seat-hydraulic", "tail-hydraulic"}
+"""What their limit cycles tell is not what small movements do: tests/unit/test_paper.py."""
 EXCITED_S = 4.0
 A_MOMENT_S = 1e-7
 """The rig on the bus lives this much later than the loop, so that rounding never makes it miss a turn."""
@@ -135,7 +137,9 @@ def test_a_shipped_rig_passes_its_check_without_a_warning(path: Path) -> None:
     assert connection == (Bus if path.stem.endswith("can") else Line if path.stem in LINES else None)
 
 
-@pytest.mark.parametrize("path", [p for p in RIGS if p.stem not in LINES], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [p for p in RIGS if p.stem not in LINES | PHYSICAL], ids=lambda path: path.stem
+)
 def test_a_shipped_rig_gives_its_true_values(path: Path, simulate: Callable[[Path], Simulation]) -> None:
     rig = simulate(path)
     rig.run(0.05)

@@ -54,7 +54,8 @@ def read(path):
     with opened(path, "rt") as file:
         header, *rows = csv.reader(file)
     columns = zip(*[[float(cell) if cell else np.nan for cell in row] for row in rows], strict=True)
-    return dict(zip(header, map(np.asarray, columns), strict=True))
+    names = [name.partition(" [")[0] for name in header]
+    return dict(zip(names, map(np.asarray, columns), strict=True))
 
 
 def edited(tmp_path, *changes, source=VIRTUAL):
@@ -281,7 +282,10 @@ def test_a_recording_that_was_there_is_kept(tmp_path):
             ("--excitation", "file", "--input", "/nowhere/in.csv"),
             "/nowhere/in.csv: No such file or directory",
         ),
-        (("--excitation", "sweep", "--band", "2"), "--band 2: give LOW:HIGH in Hz, such as 0.5:60"),
+        (
+            ("--excitation", "sweep", "--band", "2"),
+            "--band 2: give two rising numbers above 0, such as 0.5:60",
+        ),
         (
             ("--excitation", "sine", "--frequency", "1000"),
             "1000 Hz must lie below half the loop's rate, 1000 Hz",
@@ -318,7 +322,7 @@ def test_it_runs_as_a_process_of_its_own(tmp_path):
     ran = subprocess.run(words, capture_output=True, text=True, check=True)
     assert ran.stderr.replace(COMPILING, "") == ""
     assert json.loads(ran.stdout)["rows"] == 1000
-    assert out.read_text().startswith("t,u,y,t_u\n0.0,")
+    assert out.read_text().startswith("t,u,y [rad],t_u\n0.0,")
 
 
 def test_compilation_is_told_where_the_cache_is_cold(tmp_path, monkeypatch):

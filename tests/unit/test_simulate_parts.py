@@ -12,9 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from seod.api.progress import followed
+from seod.api.responses import positive_pair
 from seod.simulate.csv_file import write_csv
-from seod.simulate.options import BELONGS, EXCITATIONS, Options, read_band, read_effects
-from seod.terminal.progress import watched
+from seod.simulate.options import BELONGS, EXCITATIONS, Options, read_effects
+from seod.terminal.progress import bar
 from sim.effects import EFFECTS
 
 PLACES = [(effect, each) for effect in EFFECTS.values() for each in effect.parameters]
@@ -41,14 +43,15 @@ def test_long_work_shows_how_far_it_is_and_errors_come_through():
         asked.append(0.42)
         return 0.42
 
-    assert watched("simulating", work, fraction, console) == "done"
+    with bar(console) as told:
+        assert followed("simulating", work, fraction, told) == "done"
     assert "42%" in console.file.getvalue()
 
     def fails():
         raise ValueError("in the thread")
 
     with pytest.raises(ValueError, match="in the thread"):
-        watched("simulating", fails, fraction, console)
+        followed("simulating", fails, fraction, lambda _what, _part: None)
 
 
 @given(st.sampled_from(PLACES), st.floats(allow_nan=False))
@@ -77,7 +80,7 @@ def test_the_last_of_two_values_counts():
 @given(st.text(max_size=12))
 def test_a_band_is_two_frequencies_or_refused(text):
     try:
-        low, high = read_band(text)
+        low, high = positive_pair(text, "band")
     except ValueError as error:
         told = str(error)
         assert f"--band {text}" in told

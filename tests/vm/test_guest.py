@@ -19,9 +19,11 @@ import pytest
 
 from sim.cache import compile_plant, is_plant_compiled
 from tests.stolen import STOLEN_S, note_again, stolen_s
+from tests.wheels import houses
 
 REPO = Path(__file__).parents[2]
 GUEST = Path(__file__).with_name("guest")
+HOUSES = REPO / ".pytest_cache" / "wheelhouses"
 NAMES = sorted((path.stem for path in GUEST.glob("test_*.py")), reverse=True)
 """The slowest, `test_unit`, first: the last one has no other beside it."""
 GUESTS = 2
@@ -76,6 +78,9 @@ def guest_report() -> dict[str, list[Result]]:
         pytest.skip(reason)
     if not is_plant_compiled():  # the guest sees the machine code; to make it there takes a minute
         compile_plant()
+    shutil.rmtree(HOUSES, ignore_errors=True)
+    HOUSES.mkdir(parents=True)
+    houses(HOUSES)
     with ThreadPoolExecutor(GUESTS) as guests:
         return dict(zip(NAMES, guests.map(run_patiently, NAMES), strict=True))
 
@@ -101,7 +106,8 @@ def run_guest(name: str) -> list[Result]:
     run = subprocess.run(
         [GUEST.with_name("canvm.sh"), "-s", REPO, "-t", str(LIMIT_S), "--", *command],
         cwd=REPO,
-        env=os.environ | {"SEOD_IN_GUEST": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+        env=os.environ
+        | {"SEOD_IN_GUEST": "1", "PYTHONDONTWRITEBYTECODE": "1", "SEOD_WHEELHOUSES": str(HOUSES)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

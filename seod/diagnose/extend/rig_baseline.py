@@ -43,6 +43,7 @@ def rated(config: RigConfig | None, axis: str | None) -> Rated:
         plant, view = plant_of(config, name), AxisView(config, name)
     except ValueError as error:
         raise DiagnoseError(str(error)) from error
+    plant = plant.reduced
     effects = {**plant.effects, **sensor_effects(plant)}
     lasting = {of: values for of, values in effects.items() if EFFECTS[of].enters != "record"}
     own = Model(plant.K_L, plant.omega_n, plant.zeta, lasting)

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from seod.config.edit import edited
+from seod.config.edit import REMOVED, edited
 from seod.config.load import load_text
 from seod.config.units import UNITS
 from seod.diagnose.extend.model import rounded
@@ -50,6 +50,8 @@ def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
     places: dict[KeyPath, object] = {
         ("simulation", "plants", plant, key): each for key, each in numbers.items()
     }
+    if view.plant.hydraulic is not None:  # the model is one of Eq. 1 with effects
+        places |= {("simulation", "plants", plant, key): REMOVED for key in ("plant", "hydraulic")}
     if config.server.port:
         places["server", "port"] = config.server.port + ASIDE
     return edited(text, places)

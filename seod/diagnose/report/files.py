@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from seod import __version__
 from seod.config.errors import ConfigErrors
@@ -18,7 +18,7 @@ from seod.diagnose.report.page import page
 from seod.files.user_files import write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from seod.config.model import RigConfig
@@ -29,13 +29,23 @@ REPORT, ANSWER, RIG, CAN_RIG = "report.html", "diagnosis.json", "extended.yaml",
 """Names of the files."""
 
 
+class Rig(NamedTuple):
+    """A rig file: where it is, its text, what it says, and the axis that the recordings are of."""
+
+    path: Path
+    text: str
+    config: RigConfig
+    axis: str
+
+
 def write(
     out: Path,
     d: Diagnosis,
     unit: str,
     recordings: Sequence[Recording],
-    rig: tuple[Path, RigConfig, str] | None,
+    rig: Rig | None,
     command: str = "",
+    answer: Mapping[str, Any] | None = None,
 ) -> list[str]:
     """Write all three; returns what could not be written, in sentences.
 
@@ -44,8 +54,9 @@ def write(
         d: The diagnosis.
         unit: Of y.
         recordings: What it is of.
-        rig: Rig file, what it says and the axis, if there is one.
+        rig: Rig file, if there is one.
         command: By which it was asked for; "" where none was.
+        answer: What diagnosis.json holds; None: the contract's answer.
 
     Raises:
         OSError: A file cannot be written.
@@ -53,7 +64,7 @@ def write(
     out.mkdir(parents=True, exist_ok=True)
     sources = [path.name for recording in recordings for path in recording.paths]
     write_text(out / REPORT, page(d, unit, sources, facts(recordings, command)))
-    write_text(out / ANSWER, json.dumps(d.as_json(), indent=1) + "\n")
+    write_text(out / ANSWER, json.dumps(d.as_json() if answer is None else answer, indent=1) + "\n")
     try:
         write_rig(out, d, recordings[0], rig)
     except (ValueError, ConfigErrors) as error:
@@ -75,7 +86,7 @@ def _extent(recording: Recording) -> str:
     return f"{names}: {seconds:.4g} s at {recording.rate_hz:.4g} Hz, {len(recording.t)} rows"
 
 
-def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> None:
+def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: Rig | None) -> None:
     """Write the extended rig: the user's own file with the model in it, or a new one, virtual and on CAN.
 
     Raises:
@@ -83,16 +94,16 @@ def write_rig(out: Path, d: Diagnosis, recording: Recording, rig: tuple[Path, Ri
         OSError: A file cannot be written.
     """
     text = extended_rig(d, recording, rig)
-    if rig is not None and rig[1].simulation is not None:
-        text = moved(text, rig[1], rig[0], out)
+    if rig is not None and rig.config.simulation is not None:
+        text = moved(text, rig.config, rig.path, out)
     config = load_text(text, RIG, out)
     write_text(out / RIG, text)
-    if rig is None or rig[1].simulation is None:
+    if rig is None or rig.config.simulation is None:
         write_text(out / DBC, dbc(config))
         write_text(out / CAN_RIG, checked(on_can(text, config.loop.rate_hz), out))
 
 
-def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig, str] | None) -> str:
+def extended_rig(d: Diagnosis, recording: Recording, rig: Rig | None) -> str:
     """The extended model as a rig file: the user's own if it has a simulated plant, else a new one.
 
     Raises:
@@ -100,8 +111,7 @@ def extended_rig(d: Diagnosis, recording: Recording, rig: tuple[Path, RigConfig,
     """
     e = d.extended
     model = Model(e.K_L, e.omega_n, e.zeta, e.effects, d.noise_sd[0] if d.noise_sd else 0.0)
-    if rig is not None and rig[1].simulation is not None:
-        path, config, axis = rig
-        return into_config(path.read_text("utf-8-sig"), config, axis, model)
+    if rig is not None and rig.config.simulation is not None:
+        return into_config(rig.text, rig.config, rig.axis, model)
     speed = d.output == "velocity"
     return new_rig_file(model, seen(recording, speed), speed, recording.paths[0].name)

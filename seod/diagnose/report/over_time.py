@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Curve
+from seod.diagnose.report.pictures import Pictures
+from seod.plots.style import new_figure, style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.report.pictures import Pictures
-    from seod.diagnose.result import Array, Score, Whole
+    from matplotlib.figure import Figure
+
+    from seod.diagnose.result import Array, Diagnosis, Score, Whole
     from seod.diagnose.show.residual import Residual
 
 WIDE: Final = 940.0
@@ -25,30 +28,49 @@ _MOST_WHOLE: Final = 4
 """Recordings that are drawn as a whole."""
 
 
+def draw(d: Diagnosis, unit: str) -> Figure:
+    """The worst window and the errors there, as a picture of its own."""
+    p = Pictures(d, unit)
+    with style():
+        figure = new_figure(9.8, 5.2)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        _overlay(p).draw(above)
+        _errors(p).draw(below)
+    return figure
+
+
 def overlay(p: Pictures) -> str:
     """Measurement and both simulations where the baseline is at its worst."""
-    at = _worst(p)
-    window, piece = p.windows[at], _piece(p, at)
-    t = window.t[piece]
-    curves = [
-        Curve(t, window.y[piece], "measured", MEASURED, 2.6),
-        Curve(t, window.y_baseline[piece], "baseline", BEFORE, 1.3),
-    ]
-    if p.diagnosis.extends:
-        curves.append(Curve(t, window.y_extended[piece], "extended", AFTER, 1.3, "5 3"))
-    title = "A held-out window, simulated from its beginning: where the baseline is at its worst"
-    return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0).wide()
+    return _overlay(p).wide()
 
 
 def errors(p: Pictures) -> str:
     """What is left there, against the noise."""
+    return _errors(p).wide()
+
+
+def _overlay(p: Pictures) -> Chart:
     at = _worst(p)
-    window, piece = p.windows[at], _piece(p, at)
-    t, flat = window.t[piece], np.full(len(window.t[piece]), 2.0 * p.noise(window))
+    window, rows = p.windows[at], _shown_rows(p, at)
+    t = window.t[rows]
+    curves = [
+        Curve(t, window.y[rows], "measured", MEASURED, 2.6),
+        Curve(t, window.y_baseline[rows], "baseline", BEFORE, 1.3),
+    ]
+    if p.diagnosis.extends:
+        curves.append(Curve(t, window.y_extended[rows], "extended", AFTER, 1.3, "5 3"))
+    title = "A held-out window, simulated from its beginning: where the baseline is at its worst"
+    return Chart(title, "", f"y [{p.unit}]", curves, WIDE, 270.0)
+
+
+def _errors(p: Pictures) -> Chart:
+    at = _worst(p)
+    window, rows = p.windows[at], _shown_rows(p, at)
+    t, flat = window.t[rows], np.full(len(window.t[rows]), 2.0 * p.noise(window))
     labels = {"baseline": "error of the baseline", "extended": "of the extended model"}
-    curves = [Curve(t, left[at].error[piece], labels[label], colour, 1.0) for label, colour, left in p.models]
+    curves = [Curve(t, left[at].error[rows], labels[label], colour, 1.0) for label, colour, left in p.models]
     curves.insert(0, Curve(t, -flat, "noise, two standard deviations", FLOOR, to=flat))
-    return Chart("", "t [s]", f"y - simulated [{p.unit}]", curves, WIDE, 200.0).wide()
+    return Chart("", "t [s]", f"y - simulated [{p.unit}]", curves, WIDE, 200.0)
 
 
 def wholes(p: Pictures) -> list[str]:
@@ -61,7 +83,7 @@ def _whole(p: Pictures, k: int, one: Whole) -> str:
     models: list[tuple[str, str, Score, Array]] = [("baseline", BEFORE, d.baseline, one.y_baseline)]
     if p.diagnosis.extends:
         models.append(("extended", AFTER, d.extended, one.y_extended))
-    curves = [Curve(one.t, one.y - np.mean(one.y[np.isfinite(one.y)]), "measured, less its mean", "#bbbbbb")]
+    curves = [Curve(one.t, one.y - np.mean(one.y[np.isfinite(one.y)]), "measured, less its mean", "#a9a9a9")]
     for label, colour, score, simulated in models:
         if not score.diverged:
             curves.append(Curve(one.t, one.y - simulated, f"error of the {label}", colour, 1.0))
@@ -81,7 +103,7 @@ def over_blocks(p: Pictures) -> str:
     return Chart(title, "t [s]", f"[{p.unit}]", curves, log_y=True).svg()
 
 
-def _piece(p: Pictures, at: int) -> slice:
+def _shown_rows(p: Pictures, at: int) -> slice:
     """The end of a window, as long as the eye can follow."""
     most = int(_SHOWN * 2.0 * math.pi / p.diagnosis.baseline.omega_n / p.tick)
     rows = len(p.windows[at].t)

@@ -1,0 +1,94 @@
+"""An example or two of each command, shown by its `--help`; a test holds them against the commands."""
+
+from __future__ import annotations
+
+from typing import Final
+
+EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
+    "run": ("seod run configs/virtual.yaml --start --watch", "seod run rig.yaml --record run.mcap --for 60"),
+    "rig": ("seod rig configs/can.yaml", "seod rig configs/serial.yaml --for 30"),
+    "check": ("seod check rig.yaml",),
+    "init": (
+        "seod init --virtual --out rig.yaml",
+        "seod init --dbc motor.dbc --interface can0 --listen --out rig.yaml",
+    ),
+    "latency": ("seod latency --for 10", "seod latency --json"),
+    "calibrate": ("seod calibrate rig.yaml --dry-run", "seod calibrate rig.yaml --axis motor --pressures 3"),
+    "status": ("seod status", "SEOD_HOST=rig7 SEOD_TOKEN=... seod status --json"),
+    "get": ("seod get motor", "seod get --json"),
+    "watch": ("seod watch", "seod watch --json --axis motor --rate 10 | head -100"),
+    "set": ("seod set e_a=400mV", "seod set motor 'K_L=50 mm/s/V' method=wave"),
+    "start": ("seod start --wait", "seod start motor --hold"),
+    "stop": ("seod stop", "seod stop motor"),
+    "estop": ("seod estop",),
+    "reset": ("seod reset", "seod reset motor"),
+    "ramp": ("seod ramp --from 0.1 --to 1.5 --steps 8 --plot ramp.png",),
+    "identify": (
+        "seod identify run.csv --units y=mm",
+        "seod identify a.mcap b.mcap --config rig.yaml --json",
+    ),
+    "response": (
+        "seod response --config rig.yaml --plot bode.png",
+        "seod response sweep.csv --gain '17 rad/s/V'",
+    ),
+    "diagnose": (
+        "seod diagnose run.csv --units y=mm --out found",
+        "seod diagnose run.mcap --config rig.yaml",
+    ),
+    "simulate": (
+        "seod simulate configs/virtual.yaml --out run.csv --effect coulomb_friction.level=500",
+        "seod simulate rig.yaml --out sweep.csv --excitation sweep --amplitude '400 mV' --band 0.5:60",
+    ),
+    "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
+    "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
+    "scrub": ("seod scrub run.mcap",),
+}
+
+PANELS: Final[dict[str, tuple[str, ...]]] = {
+    "Data": ("columns", "units", "between", "axis", "output", "hold", "holdout", "dbc", "group", "offset"),
+    "What is known": ("config", "gain", "delay", "limit_cycle"),
+    "Excitation": (
+        "kind",
+        "excitation",
+        "amplitude",
+        "bias",
+        "band",
+        "period",
+        "periods",
+        "realisations",
+        "points",
+        "frequency",
+        "duration",
+        "lines",
+        "cycles",
+        "input_",
+        "relay",
+        "e_a",
+        "seed",
+        "effect",
+        "noise",
+        "latency",
+        "predict",
+        "low",
+        "high",
+        "steps",
+    ),
+    "Search": ("method", "effort", "relevance"),
+    "Answer": ("as_json", "plot", "out", "to", "force"),
+    "Connection": ("host", "port", "rig_name", "token", "token_file", "tls"),
+}
+"""Groups of options, in the order in which `--help` shows them."""
+
+
+def epilog(command: str) -> str:
+    """What stands below the options."""
+    return "\n\n".join(["Examples:", *(f"  {line}" for line in EXAMPLES.get(command, ()))])
+
+
+def panel(option: str, command: str) -> str | None:
+    """The group of an option; None for those that stand alone."""
+    if command in ("run", "watch", "rig", "latency") and option in ("duration", "hold"):
+        return None
+    if command == "start" and option == "hold":
+        return None
+    return next((title for title, names in PANELS.items() if option in names), None)

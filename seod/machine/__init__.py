@@ -1,0 +1,1 @@
+"""This computer, asked the same way on any system: processors, memory, limits."""

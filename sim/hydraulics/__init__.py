@@ -1,0 +1,1 @@
+"""Hydraulic actuators in physical units: valve, chambers, supply, load; apart from the reduced kernel."""

@@ -1,0 +1,238 @@
+"""The physics of a hydraulic plant, as rates of change: orifices, oil, supply, load. Compiled.
+
+Pressures are above atmosphere [Pa], flows in m^3/s, the spool's opening in the volts that it answers to.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sim.compiled import Record, inlined
+
+ATMOSPHERE = 101325.0
+"""[Pa]"""
+LEAST_ABSOLUTE = 1000.0
+"""Least absolute pressure for which the oil's stiffness is computed [Pa]."""
+LEAST_VOLUME = 0.02
+"""Least part of a chamber's volume that is left at the end of a cylinder's way."""
+
+NEAR = 0.3
+"""Part by which pressures may differ for `near`."""
+
+X, DX, PA, PB, W, Y, W2, Y2, PS, SEEN = range(10)
+"""Places in the tuple that is integrated: spool, chambers, load, second inertia, supply, sensor's lag."""
+
+
+@inlined
+def bulk_modulus(p: Record, pressure: float) -> float:
+    """Of oil with entrained air at a pressure [Pa]: oil and air as springs in series."""
+    if p.oil_air == 0.0:
+        return p.oil_bulk_modulus
+    absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
+    part = p.oil_air * math.exp(math.log(ATMOSPHERE / absolute) / p.oil_polytropic)
+    return (
+        p.oil_bulk_modulus * (1.0 + part) / (1.0 + part * p.oil_bulk_modulus / (p.oil_polytropic * absolute))
+    )
+
+
+@inlined
+def near(p: Record, pressure: float, base: float, inverse: float, part: float) -> float:
+    """`bulk_modulus` close to an absolute pressure `base` [Pa], and its inverse, at which `part` is air.
+
+    The power of their ratio is taken by its Pade approximation: to 1e-5 within -30 and +40 %, else as it is.
+    """
+    if part == 0.0:
+        return p.oil_bulk_modulus
+    absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
+    off = (absolute - base) * inverse
+    if abs(off) > NEAR:
+        return bulk_modulus(p, pressure)
+    n, b = p.oil_polytropic, p.minus_inverse_polytropic
+    up = 1.0 + off * (0.5 * (2.0 + b) + off * ((2.0 + b) * (1.0 + b) * (1.0 / 12.0)))
+    down = 1.0 + off * (0.5 * (2.0 - b) + off * ((2.0 - b) * (1.0 - b) * (1.0 / 12.0)))
+    air, oil = part * up, n * absolute
+    return p.oil_bulk_modulus * (down + air) * oil / (oil * down + air * p.oil_bulk_modulus)
+
+
+@inlined
+def airy(p: Record, pressure: float) -> tuple[float, float]:
+    """Absolute pressure [Pa] and the part of the volume that is air there."""
+    absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
+    if p.oil_air == 0.0:
+        return absolute, 0.0
+    return absolute, p.oil_air * math.exp(math.log(ATMOSPHERE / absolute) / p.oil_polytropic)
+
+
+@inlined
+def through(p: Record, drop: float) -> float:
+    """Signed root of a pressure drop [Pa^0.5]; below `valve.laminar` a cubic that meets it smoothly."""
+    if drop >= p.valve_laminar:
+        return math.sqrt(drop)
+    if drop <= -p.valve_laminar:
+        return -math.sqrt(-drop)
+    part = drop / p.valve_laminar
+    return math.sqrt(p.valve_laminar) * part * (1.25 - 0.25 * part * part)
+
+
+@inlined
+def opening(p: Record, spool: float) -> float:
+    """Of the valve [V]: null and overlap taken away, ports unequal."""
+    from_null = spool - p.valve_null
+    if from_null > p.valve_overlap:
+        return (from_null - p.valve_overlap) * (1.0 + p.valve_asymmetry)
+    if from_null < -p.valve_overlap:
+        return (from_null + p.valve_overlap) * (1.0 - p.valve_asymmetry)
+    return 0.0
+
+
+@inlined
+def ports(p: Record, s: Record, spool: float, ps: float, pa: float, pb: float) -> tuple[float, float, float]:
+    """Flows into chamber a, into chamber b, and out of the supply [m^3/s]."""
+    o, c, tank = opening(p, spool), p.clearance, p.supply_tank
+    if c == 0.0:
+        if o == 0.0:
+            return 0.0, 0.0, 0.0
+        k = s.conductance * o
+        if o > 0.0:
+            fed = k * through(p, ps - pa)
+            return fed, -k * through(p, pb - tank), fed
+        fed = -k * through(p, ps - pb)
+        return k * through(p, pa - tank), fed, fed
+    forth, back = s.conductance * (max(o, 0.0) + c), s.conductance * (max(-o, 0.0) + c)
+    to_a, to_b = forth * through(p, ps - pa), back * through(p, ps - pb)
+    from_a, from_b = back * through(p, pa - tank), forth * through(p, pb - tank)
+    return to_a - from_a, to_b - from_b, to_a + to_b
+
+
+@inlined
+def stroke(p: Record, y: float) -> tuple[float, float]:
+    """Of a cylinder [m] from the middle of its way, and its change with the position [m/unit]."""
+    if p.cylinder_arm == 0.0:
+        return y, 1.0
+    base, arm, length = p.cylinder_base, p.cylinder_arm, p.cylinder_length
+    at_zero = math.acos((base * base + arm * arm - length * length) / (2.0 * base * arm))
+    cosine, sine = math.cos(at_zero + y), math.sin(at_zero + y)
+    now = math.sqrt(base * base + arm * arm - 2.0 * base * arm * cosine)
+    return now - length, base * arm * sine / now
+
+
+@inlined
+def friction_level(p: Record, w: float) -> float:
+    """Dry friction at a speed, without its sign."""
+    if p.load_stribeck == 0.0:
+        return p.load_coulomb
+    ratio = w / p.load_stribeck_speed
+    return p.load_coulomb + p.load_stribeck * math.exp(-ratio * ratio)
+
+
+@inlined
+def set_pressure(p: Record, s: Record, t: float) -> float:
+    """Of a stiff supply at `t` [s], and of the relief valve without ripple."""
+    level = p.supply_pressure * s.supply
+    if p.supply_droop == 0.0 and p.supply_ripple > 0.0:
+        level *= 1.0 + p.supply_ripple * math.sin(p.supply_ripple_omega * (t - s.origin))
+    return level
+
+
+@inlined
+def force(p: Record, s: Record, t: float, y: float) -> float:
+    """On the load against positive movement: weight, spring, a periodic force; no friction."""
+    found = p.load_force
+    if p.load_spring != 0.0:
+        found += p.load_spring * (y - p.load_spring_centre)
+    if p.load_shake > 0.0:
+        found -= p.load_shake * math.sin(p.load_shake_omega * (t - s.origin) + p.load_shake_phase)
+    return found
+
+
+@inlined
+def encoded(p: Record, y: float) -> float:
+    """A position as an eccentric encoder, or the ripple of a converter, has it."""
+    if p.position_ripple_amplitude == 0.0:
+        return y
+    return y + p.position_ripple_amplitude * math.sin(
+        p.position_ripple_wavenumber * y + p.position_ripple_phase
+    )
+
+
+@inlined
+def seen(p: Record, y: float, w: float) -> float:
+    """What the sensor sees before its lag [unit, or unit/s]."""
+    if p.measures_speed == 0.0:
+        return encoded(p, y)
+    if p.position_ripple_amplitude == 0.0:
+        return w
+    wave = p.position_ripple_wavenumber
+    return w * (1.0 + p.position_ripple_amplitude * wave * math.cos(wave * y + p.position_ripple_phase))
+
+
+@inlined
+def drive(p: Record, s: Record, t: float, z: tuple[float, ...]) -> float:
+    """Force that would accelerate the first inertia but for dry friction: pressures, load, second inertia."""
+    lever = 1.0 if p.rotary != 0.0 else stroke(p, z[Y])[1]
+    found = lever * (p.area_a * z[PA] - p.area_b * z[PB]) - p.load_viscous * z[W] - force(p, s, t, z[Y])
+    if p.load_second > 0.0:
+        found -= p.load_inertia * p.load_second / (1.0 + p.load_second) * _pull(p, z)
+    return found
+
+
+@inlined
+def _pull(p: Record, z: tuple[float, ...]) -> float:
+    """Acceleration of the second inertia."""
+    omega = p.load_second_omega
+    return omega * omega * (z[Y] - z[Y2]) + 2.0 * p.load_second_zeta * omega * (z[W] - z[W2])
+
+
+@inlined
+def rates(p: Record, s: Record, t: float, z: tuple[float, ...]) -> tuple[float, ...]:
+    """Rates of change of `z`; a load that sticks or lies at a stop (`s.motion` 0) stays."""
+    dx = min(max(z[DX], -p.valve_rate), p.valve_rate)
+    ddx = p.valve_omega * (p.valve_omega * (s.target - z[X]) - 2.0 * p.valve_zeta * dx)
+    pa, pb, w = z[PA], z[PB], z[W]
+    ps = z[PS] if p.supply_droop > 0.0 else set_pressure(p, s, t)
+    qa, qb, qs = ports(p, s, z[X], ps, pa, pb)
+    lever, va, vb = 1.0, p.volume_a, p.volume_b
+    if p.rotary == 0.0:
+        way, lever = stroke(p, z[Y])
+        va = max(va + p.area_a * way, LEAST_VOLUME * va)
+        vb = max(vb - p.area_b * way, LEAST_VOLUME * vb)
+    across, outside = s.thinner * p.leakage_cross * (pa - pb), s.thinner * p.leakage_external
+    speed = lever * w
+    dpa = (
+        near(p, pa, s.absolute_a, s.inverse_a, s.air_a)
+        / va
+        * (qa - p.area_a * speed - across - outside * (pa - p.supply_tank))
+    )
+    dpb = (
+        near(p, pb, s.absolute_b, s.inverse_b, s.air_b)
+        / vb
+        * (qb + p.area_b * speed + across - outside * (pb - p.supply_tank))
+    )
+    if pa <= p.oil_vapour and dpa < 0.0:
+        dpa = 0.0
+    if pb <= p.oil_vapour and dpb < 0.0:
+        dpb = 0.0
+    dw = 0.0
+    if s.motion != 0.0:
+        dw = (1.0 + p.load_second) / p.load_inertia * (drive(p, s, t, z) - s.motion * friction_level(p, w))
+    dw2, dy2 = 0.0, 0.0
+    if p.load_second > 0.0:
+        dw2, dy2 = _pull(p, z), z[W2]
+    dps = 0.0
+    if p.supply_droop > 0.0:
+        dps = _supply(p, s, t, ps, qs)
+    lag = 0.0
+    if p.sensor_lag_time > 0.0:
+        lag = (seen(p, z[Y], w) - z[SEEN]) / p.sensor_lag_time
+    return dx, ddx, dpa, dpb, dw, w, dw2, dy2, dps, lag
+
+
+@inlined
+def _supply(p: Record, s: Record, t: float, ps: float, demand: float) -> float:
+    """Rate of the supply pressure: pump, relief valve, demand."""
+    pumped = p.supply_flow
+    cracks = p.supply_pressure * s.supply - p.supply_droop * pumped
+    if p.supply_ripple > 0.0:
+        pumped *= 1.0 + p.supply_ripple * math.sin(p.supply_ripple_omega * (t - s.origin))
+    relieved = max(0.0, ps - cracks) / p.supply_droop
+    return bulk_modulus(p, ps) / p.supply_volume * (pumped - demand - relieved)

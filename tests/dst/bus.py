@@ -1,0 +1,450 @@
+"""A CAN bus with this computer's interface on one end and a rig on the other, on simulated time.
+
+Frames travel one after the other, lowest identifier first. The interface has a queue, can be down, gone, off
+the bus or cut off. The rig is a plant of its own (Eq. 1, exactly stepped); its amplifier has a watchdog.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import socket
+import struct
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from tests.dst.shells import Shell
+from tests.dst.world import End
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from random import Random
+
+    from tests.dst.world import Process, World
+
+ENCODER, SUPPLY, VALVE = 257, 258, 513
+FRAME = struct.Struct("=IB3x8s")
+ERR_FLAG = 0x20000000
+CONFIRM, LOCAL = int(socket.MSG_CONFIRM), int(socket.MSG_DONTROUTE)
+QUEUE = 10
+"""Frames that the interface holds: txqueuelen."""
+INBOX = 400
+"""Frames that a socket holds."""
+BIT_S = 1e-6
+VOLTS = 0.0005
+STOPS, BACK = 1.5, 0.8
+"""Where the load cannot go on, and from where it is put back [rad]."""
+
+
+def crc8(data: bytes) -> int:
+    """CRC-8 of SAE J1850, bit by bit."""
+    crc = 0xFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1D) & 0xFF if crc & 0x80 else crc << 1 & 0xFF
+    return crc ^ 0xFF
+
+
+CRC = bytes(crc8(bytes([byte])) ^ 0xFF for byte in range(256))
+"""State after one byte, from 0xFF on, by that byte: the table is made of the definition."""
+
+
+def checksum(data: bytes) -> int:
+    """As `crc8`, by a table."""
+    crc = 0xFF
+    for byte in data:
+        crc = CRC[crc ^ byte ^ 0xFF]
+    return crc ^ 0xFF
+
+
+def encoder_frame(angle: float, run: bool, counter: int) -> bytes:
+    """Data of message 257: angle [1e-6 rad], run enable, counter, checksum."""
+    head = struct.pack("<iBBB", round(angle * 1e6), run, counter & 0xFF, 0)
+    return head + bytes([checksum(head)])
+
+
+def supply_frame(counter: int) -> bytes:
+    """Data of message 258: 7 MPa, 40 degC."""
+    return struct.pack("<HbB", 7000, 40, counter & 0xF)
+
+
+def valve_frame(volts: float, counter: int) -> bytes:
+    """Data of message 513."""
+    head = struct.pack("<hB", round(volts / VOLTS), counter & 0xF)
+    return head + bytes([checksum(head)])
+
+
+class Valve:
+    """A command, understood: None where it is damaged."""
+
+    def __init__(self, data: bytes) -> None:
+        raw, counter = struct.unpack_from("<hB", data)
+        self.volts = raw * VOLTS
+        self.counter = counter & 0xF
+        self.sound = len(data) == 4 and data[3] == checksum(data[:3])
+
+
+class CanSocket(End):
+    """A raw CAN socket of this computer."""
+
+    bus: Bus
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self.fd = next(world.fds)
+        world.ends[self.fd] = self
+        self.process: Process = world.me().process
+        self.inbox: deque[tuple[bytes, float, int]] = deque()
+        self.errors: deque[OSError] = deque()
+        self.wanted: frozenset[int] | None = frozenset()
+        self.bound = False
+        self.sent = 0
+        self.taken: dict[int, int] = {}
+        self.overflown = 0
+        self.process.held.append(self)
+
+    def readable(self) -> bool:
+        return bool(self.inbox or self.errors)
+
+    def bind(self, _: tuple[str]) -> None:
+        if not self.bus.there:
+            raise OSError(errno.ENODEV, "No such device")
+        self.bound = True
+        self.bus.sockets.append(self)
+
+    def setsockopt(self, *_: object) -> None:
+        """As it is."""
+
+    def setblocking(self, _: bool) -> None:
+        """It never blocks."""
+
+    def fileno(self) -> int:
+        return self.fd
+
+    def send(self, frame: bytes) -> int:
+        self.world.touch("send")
+        self.world.me()
+        if self not in self.bus.sockets:
+            raise OSError(errno.ENXIO, "No such device or address")
+        self.bus.queue_frame(self, frame)
+        self.world.touch("sent")
+        return len(frame)
+
+    def recvmsg(self, *_: object) -> tuple[bytes, list[tuple[int, int, bytes]], int, None]:
+        self.world.touch("receive")
+        if self.errors:
+            raise self.errors.popleft()
+        if not self.inbox:
+            raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+        frame, stamp, flags = self.inbox.popleft()
+        identifier = FRAME.unpack(frame)[0]
+        self.taken[identifier] = self.taken.get(identifier, 0) + 1
+        seconds = int(stamp)
+        return frame, [(0, 0, struct.pack("@ll", seconds, int((stamp - seconds) * 1e9)))], flags, None
+
+    def deliver(self, frame: bytes, identifier: int, flags: int) -> None:
+        wanted = identifier & ERR_FLAG or self.wanted is None or identifier in self.wanted
+        if not wanted:
+            return
+        if len(self.inbox) >= INBOX:
+            self.overflown += 1
+            return
+        self.inbox.append((frame, self.bus.realtime(), flags))
+        if self.watchers:
+            self.changed()
+
+    def close(self) -> None:
+        if self in self.process.held:
+            self.process.held.remove(self)
+        self.give_back()
+
+    def give_back(self) -> None:
+        if self in self.bus.sockets:
+            self.bus.sockets.remove(self)
+
+
+class HostBus:
+    """`can.Bus` as python-can makes it for SocketCAN."""
+
+    def __init__(self, raw: CanSocket) -> None:
+        self.socket = raw
+
+    def shutdown(self) -> None:
+        self.socket.close()
+
+
+class LinkSockets(Shell):
+    """`socket` as `drivers.can_link` uses it."""
+
+    def __init__(self, world: World, bus: Bus) -> None:
+        super().__init__(world, socket)
+        self._bus = bus
+        self.socket = CanSocket
+
+    def if_nametoindex(self, name: str) -> int:
+        if not self._bus.there:
+            raise OSError(errno.ENODEV, f"no interface {name}")
+        return 3
+
+
+class Bus:
+    """The wire, the interface, and what can go wrong with both.
+
+    Attributes:
+        there, up, off, cut: Of the interface: it exists; it is up; it has left the bus; nobody acknowledges.
+        slow: Factor on the time of a frame: other traffic has the rest.
+        on_command: Told of each command frame that the interface takes: socket, data.
+        on_arrival: Told of each command frame that reaches the rig: data.
+        on_sensor, on_foreign: Told of encoder frames, and of others' commands, that reach this computer.
+    """
+
+    def __init__(self, world: World, realtime: Callable[[], float]) -> None:
+        self.world, self.realtime = world, realtime
+        self.there = self.up = True
+        self.off = self.cut = False
+        self.slow = 1.0
+        self.sockets: list[CanSocket] = []
+        self.queue: deque[tuple[CanSocket | None, bytes]] = deque()
+        self.others: deque[tuple[int, bytes]] = deque()
+        self.on_command: Callable[[CanSocket, bytes], None] = lambda *_: None
+        self.on_arrival: Callable[[bytes], None] = lambda _: None
+        self.on_sensor: Callable[[bytes], None] = lambda _: None
+        self.on_foreign: Callable[[], None] = lambda: None
+        self._busy = False
+
+    @property
+    def works(self) -> bool:
+        """Frames pass, both ways."""
+        return self.there and self.up and not self.off and not self.cut and self.slow == 1.0
+
+    # ---- frames
+
+    def queue_frame(self, source: CanSocket, frame: bytes) -> None:
+        """A program sends.
+
+        Raises:
+            OSError: As the kernel would.
+        """
+        if not self.up:
+            raise OSError(errno.ENETDOWN, "Network is down")
+        if len(self.queue) >= QUEUE:
+            raise OSError(errno.ENOBUFS, "No buffer space available")
+        self.queue.append((source, frame))
+        self.world.note(f"{source.process.name} sends {frame.hex()}")
+        if FRAME.unpack(frame)[0] == VALVE:
+            self.on_command(source, frame[8:12])
+        source.sent += 1
+        self._go()
+
+    def put(self, identifier: int, data: bytes) -> None:
+        """Another node sends."""
+        if len(self.others) < 64:
+            self.others.append((identifier, data))
+            self._go()
+
+    def _host_may(self) -> bool:
+        return bool(self.queue) and self.there and self.up and not self.off and not self.cut
+
+    def _go(self) -> None:
+        if self._busy:
+            return
+        host = self._host_may()
+        if not host and not self.others:
+            return
+        if host and self.others:
+            host = FRAME.unpack(self.queue[0][1])[0] <= self.others[0][0]
+        self._busy = True
+        length = self.queue[0][1][4] if host else len(self.others[0][1])
+        duration = (55 + 10 * length) * BIT_S * self.slow
+        self.world.at(self.world.now + duration, lambda: self._finish(host))
+
+    def _finish(self, host: bool) -> None:
+        self._busy = False
+        if host:
+            if self._host_may():
+                self._host_sent(*self.queue.popleft())
+        elif self.others:
+            identifier, data = self.others.popleft()
+            self._arrive_here(identifier, data)
+            if identifier == VALVE:
+                self.on_arrival(data)
+        self._go()
+
+    def _host_sent(self, source: CanSocket | None, frame: bytes) -> None:
+        identifier, length, data = FRAME.unpack(frame)
+        if source is None:
+            self.on_foreign()
+        for each in list(self.sockets):
+            each.deliver(frame, identifier, LOCAL | CONFIRM if each is source else LOCAL)
+        if identifier == VALVE:
+            self.on_arrival(data[:length])
+
+    def _arrive_here(self, identifier: int, data: bytes) -> None:
+        if self.there and self.up and not self.off and not self.cut:
+            frame = FRAME.pack(identifier, len(data), data)
+            if identifier == ENCODER:
+                self.on_sensor(data)
+            elif identifier == VALVE:
+                self.on_foreign()
+            for each in list(self.sockets):
+                each.deliver(frame, identifier, 0)
+
+    def send_local(self, data: bytes) -> None:
+        """Another program on this computer sends a command."""
+        if self._host_may() or not self.queue:
+            self.queue.append((None, FRAME.pack(VALVE, len(data), data)))
+            self._go()
+
+    # ---- trouble
+
+    def set_state(self, **state: Any) -> None:
+        """Change what is wrong with the interface, with what programs see of it."""
+        was_up, was_there, was_off = self.up, self.there, self.off
+        for name, value in state.items():
+            setattr(self, name, value)
+        self.world.note(f"bus {state}")
+        if was_there and not self.there:
+            self._tell_error(errno.ENODEV)
+            self.sockets.clear()
+            self.queue.clear()
+        elif was_up and not self.up:
+            self._tell_error(errno.ENETDOWN)
+            self.queue.clear()
+        if not was_off and self.off:
+            self.queue.clear()
+            self._error_frame(0x040, bytes(8))
+        elif was_off and not self.off:
+            self._error_frame(0x100, bytes(8))
+        self._go()
+
+    def passive(self) -> None:
+        """The controller says that it is error passive."""
+        self._error_frame(0x004, bytes([0, 0x30, 0, 0, 0, 0, 0, 0]))
+
+    def _tell_error(self, code: int) -> None:
+        for each in self.sockets:
+            each.errors.append(OSError(code, "the interface"))
+            each.changed()
+
+    def _error_frame(self, classes: int, data: bytes) -> None:
+        for each in list(self.sockets):
+            each.deliver(FRAME.pack(ERR_FLAG | classes, 8, data), ERR_FLAG | classes, 0)
+
+
+class Plant:
+    """Eq. 1 from volts to speed, and its integral; exact steps."""
+
+    K_L, OMEGA, ZETA = 17.0, 20.0, 0.3
+
+    def __init__(self, t: float) -> None:
+        self.t, self.u = t, 0.0
+        self.position = self.speed = self.slope = 0.0
+
+    def advance(self, t: float) -> None:
+        """To `t` [s] under the command in force."""
+        dt = t - self.t
+        if dt <= 0.0:
+            return
+        self.t = t
+        w, z, final = self.OMEGA, self.ZETA, self.K_L * self.u
+        damped, decay = w * math.sqrt(1.0 - z * z), math.exp(-z * w * dt)
+        cos, sin = math.cos(damped * dt), math.sin(damped * dt)
+        e, de = self.speed - final, self.slope
+        b = (de + z * w * e) / damped
+        e_new = decay * (e * cos + b * sin)
+        de_new = decay * (de * cos - (w * w * e + z * w * de) / damped * sin)
+        # w^2 times the integral of e is -(de' + 2 z w e) between the ends
+        self.position += final * dt - ((de_new - de) + 2.0 * z * w * (e_new - e)) / (w * w)
+        self.speed, self.slope = e_new + final, de_new
+
+
+class Rig:
+    """Sensors and amplifier on the other end.
+
+    Attributes:
+        volts: What the amplifier puts out.
+        run: The emergency stop chain is closed.
+        silent, frozen, corrupt: Of the encoder's frames, while a fault holds.
+        loss: Part of the encoder's frames that never come; likewise `twice`, `swap`.
+        delay: They come so much later [s].
+        offset: Added to the encoder's angle [rad].
+        on_volts: Told when the output changes.
+    """
+
+    def __init__(self, world: World, bus: Bus, rng: Random, rate_hz: float, watchdog_s: float) -> None:
+        self.world, self.bus, self.rng = world, bus, rng
+        self.period, self.watchdog = 1.0 / rate_hz, watchdog_s
+        self.plant = Plant(world.now)
+        self.volts = 0.0
+        self.run = True
+        self.silent = self.frozen = self.corrupt = False
+        self.loss = self.twice = self.swap = 0.0
+        self.delay = self.offset = 0.0
+        self.noise = 2e-4
+        self.last: Valve | None = None
+        self.heard_at = -math.inf
+        self.sensor_log: Callable[[float, float, bool], None] = lambda *_: None
+        self._counter = self._supply = 0
+        self._held: bytes | None = None
+        self._away_since = math.inf
+        self._angle = 0.0
+        self._next = world.now
+        bus.on_arrival = self.command
+        self._turn()
+
+    def _turn(self) -> None:
+        self.plant.advance(self.world.now)
+        if self.volts != 0.0 and self.world.now - self.heard_at > self.watchdog:
+            self._set(0.0)
+        self._put_back()
+        if not self.frozen:
+            self._angle = self.plant.position + self.offset + self.rng.gauss(0.0, self.noise)
+        data = encoder_frame(self._angle, self.run, self._counter)
+        self._counter += 1
+        if self._counter % 10 == 0:
+            self.bus.put(SUPPLY, supply_frame(self._supply))
+            self._supply += 1
+        self._send(bytes([data[0] ^ 1]) + data[1:] if self.corrupt else data)
+        self._next += self.period
+        self.world.at(self._next, self._turn)
+
+    def _put_back(self) -> None:
+        """Somebody puts a load that stands out of its travel back to the middle."""
+        plant = self.plant
+        plant.position = min(max(plant.position, -STOPS), STOPS)
+        if abs(plant.position) < BACK or self.volts != 0.0:
+            self._away_since = self.world.now
+        elif self.world.now - self._away_since > 0.5:
+            plant.position = 0.0
+
+    def _send(self, data: bytes) -> None:
+        if self.silent or (self.loss and self.rng.random() < self.loss):
+            return
+        if self._held is not None:
+            self.bus.put(ENCODER, data)
+            data, self._held = self._held, None
+        elif self.swap and self.rng.random() < self.swap:
+            self._held = data
+            return
+        if self.delay:
+            self.world.at(self.world.now + self.delay, lambda: self.bus.put(ENCODER, data))
+        else:
+            self.bus.put(ENCODER, data)
+        if self.twice and self.rng.random() < self.twice:
+            self.bus.put(ENCODER, data)
+
+    def command(self, data: bytes) -> None:
+        """A command arrives; one that is damaged, or whose counter does not go on, is not obeyed."""
+        valve = Valve(data)
+        if not valve.sound:
+            return
+        if self.last is not None and not 0 < (valve.counter - self.last.counter) % 16 <= 8:
+            return
+        self.last, self.heard_at = valve, self.world.now
+        self._set(valve.volts)
+
+    def _set(self, volts: float) -> None:
+        if volts != self.volts:
+            self.plant.advance(self.world.now)
+            self.volts = self.plant.u = volts

@@ -1,0 +1,150 @@
+"""The whole daemon under simulated faults; and that the simulation would see what it should."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import seod.supervisor.process
+from drivers.neutral import SocketcanNeutral
+from seod.loop.guard import AxisGuard
+from seod.loop.tick import Loop
+from tests.dst.bus import Plant
+from tests.dst.faults import Fault
+from tests.dst.run import run
+from tests.dst.shrink import shrunk
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+REPO = Path(__file__).parents[2]
+SECONDS = 10.0
+SEEDS = 4
+"""A test; `make dst SEEDS=1000` runs more."""
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.mark.parametrize("first", range(1, 25, SEEDS))
+def test_nothing_unguarded_leaves_whatever_happens(first: int) -> None:
+    for seed in range(first, first + SEEDS):
+        outcome = run(seed, SECONDS)
+        assert not outcome.failures, f"make dst SEEDS=1 FIRST={seed}: {outcome.failures}"
+        assert outcome.commands > 500
+
+
+def test_a_seed_is_the_same_run_in_each_process() -> None:
+    here = run(7, 3.0)
+    code = "from tests.dst.run import run; print(run(7, 3.0).digest)"
+    there = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=REPO,
+        env=os.environ | {"PYTHONHASHSEED": "12345"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert there.stdout.split() == [here.digest]
+    assert run(8, 3.0).digest != here.digest
+
+
+def _beyond_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(AxisGuard, "pass_command", lambda *_: 9.0)
+
+
+def _no_neutral_by_the_supervisor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SocketcanNeutral, "write", lambda *_: "")
+
+
+def _no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Loop, "estop", lambda *_: None)
+    monkeypatch.setattr(AxisGuard, "inspect", lambda *_: None)
+
+
+def _faults_that_leave_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    tick = Loop.tick
+
+    def forgetful(loop: Loop, t: float) -> None:
+        for axis in loop.axes:
+            axis.course.reset(t)
+        tick(loop, t)
+
+    monkeypatch.setattr(Loop, "tick", forgetful)
+
+
+def _a_supervisor_that_does_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seod.supervisor.process.Supervisor, "watch_ticks", lambda _: None)
+
+
+STARTED = Fault(3.9, "client_gone", {"who": "watcher"})
+
+
+@pytest.mark.parametrize(
+    ("break_it", "fault", "said"),
+    [
+        (_beyond_limits, STARTED, "limits.output"),
+        (
+            _no_neutral_by_the_supervisor,
+            Fault(5.0, "kill", {"who": "loop", "points": 0}),
+            "after the loop died",
+        ),
+        (_no_verdict, Fault(5.0, "silent", {"for": 0.5}), "samples stopped coming"),
+        (_no_verdict, Fault(5.0, "estop_line", {"for": 0.5}), "e-stop line"),
+        (_faults_that_leave_by_themselves, Fault(5.0, "silent", {"for": 0.2}), "reset"),
+        (
+            _a_supervisor_that_does_not_look,
+            Fault(5.0, "stop", {"who": "loop", "for": 3.0, "points": 0}),
+            "after the loop stood still",
+        ),
+    ],
+)
+def test_each_invariant_can_fail(
+    break_it: Callable[[pytest.MonkeyPatch], None], fault: Fault, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not run(1, 4.0, [fault]).failures
+    break_it(monkeypatch)
+    outcome = run(1, 4.0, [fault])
+    assert said in " ".join(outcome.failures)
+
+
+def test_a_gateway_that_starts_after_the_loop_died_knows_of_it() -> None:
+    """Found by seed 1019: else a reset waited for a loop that was not there, for good."""
+    kill = {"points": 0}
+    faults = [Fault(5.0, "kill", {"who": "loop", **kill}), Fault(5.0001, "kill", {"who": "gateway", **kill})]
+    outcome = run(1, 4.0, faults, keep=True)
+    assert not outcome.failures
+    assert any("loop process killed by signal 9 (SIGKILL); neutral written" in line for line in outcome.trace)
+
+
+def test_an_interface_that_goes_while_it_is_off_the_bus_is_taken_again() -> None:
+    """Found by seed 3004: nobody told the new socket that the controller was on the bus."""
+    faults = [Fault(5.0, "bus_off", {"for": 0.3}), Fault(5.2, "gone", {"for": 0.3})]
+    assert not run(1, 4.0, faults).failures
+
+
+def test_a_failing_run_is_shrunk_to_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    _no_neutral_by_the_supervisor(monkeypatch)
+    cause = Fault(5.0, "kill", {"who": "loop", "points": 0})
+    others = [Fault(4.0 + 0.1 * k, "clock", {"by": 1.0}) for k in range(7)]
+    outcome = run(1, 4.0, [*others[:4], cause, *others[4:]])
+    assert outcome.failures
+    assert shrunk(outcome, 4.0).faults == (cause,)
+
+
+def test_the_simulated_rig_is_equation_1() -> None:
+    plant, dt = Plant(0.0), 1e-5
+    plant.u = 0.3
+    speed = slope = position = 0.0
+    for _ in range(50_000):  # half a second of small steps, another way
+        slope += dt * (400.0 * (17.0 * 0.3 - speed) - 2.0 * 0.3 * 20.0 * slope)
+        speed += dt * slope
+        position += dt * speed
+    for k in range(1, 11):
+        plant.advance(0.05 * k)
+    assert plant.speed == pytest.approx(speed, rel=1e-3)
+    assert plant.position == pytest.approx(position, rel=1e-3)
