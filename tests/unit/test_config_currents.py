@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import typer
 
-from seod.commands.quantity import Gain
 from seod.commands.over_tcp import read_assignments
+from seod.commands.quantity import Gain
 from seod.config.check import check
 from seod.config.load import ConfigErrors, load_text
 from seod.config.model import RigConfig
