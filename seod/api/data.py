@@ -165,5 +165,5 @@ def pair(value: str | tuple[float, float], name: str) -> tuple[float, float]:
     except (TypeError, ValueError):
         ends = 0.0, 0.0
     if not ends[0] < ends[1]:
-        raise ValueError(f"{name} {value}: give two rising numbers, such as 0.5:60")
+        raise ValueError(f"{name} {value}: give two rising numbers above 0, such as 0.5:60")
     return ends

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -29,8 +28,6 @@ def paper(
     with plain_errors():
         if unknown := [name for name in figure or () if name not in TITLES]:
             raise CommandError(f"--figure {unknown[0]}: there are {', '.join(TITLES)}")
-        if find_spec("matplotlib") is None:
-            raise CommandError("seod paper draws by matplotlib: pip install 'seod[plot]'")
         if out.exists() and not out.is_dir():
             raise CommandError(f"--out {out}: is no folder")
         with bar() as told:

@@ -120,7 +120,7 @@ def test_check_says_what_is_wrong_with_file_and_line(tmp_path):
     assert err.startswith(f"{bad}:")
     assert "rate_hz" in err
     code, _, err = invoke("run", tmp_path / "missing.yaml")
-    assert code == 1
+    assert code == 78  # EX_CONFIG: systemd does not start it again
     assert "missing.yaml" in err
 
 
@@ -159,6 +159,9 @@ def test_every_command_of_this_version_is_there():
         == {
             "run",
             "rig",
+            "neutral",
+            "paper",
+            "upgrade",
             "check",
             "latency",
             "calibrate",

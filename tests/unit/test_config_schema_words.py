@@ -27,6 +27,8 @@ def keys(node: Any, where: str = "") -> Iterator[tuple[str, dict[str, Any], bool
     for name, each in node.get("properties", {}).items():
         yield f"{where}.{name}", each, name in node.get("required", [])
     for name, each in node.items():
+        if name == "if":  # asks for the value of a key that stands elsewhere
+            continue
         yield from keys(each, f"{where}/{name}" if "/$defs" in f"{where}/{name}" else where)
 
 

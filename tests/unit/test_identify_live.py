@@ -36,7 +36,7 @@ def test_each_method_finds_the_plant_in_a_logger_s_file(file, method, within):
     assert found["method"] == method
     assert found["omega_n"]["value"] == pytest.approx(LOOP.omega_n, rel=within)
     assert found["zeta"]["value"] == pytest.approx(LOOP.zeta, rel=within)
-    assert found["K_L"] == {"value": K_L, "sd": 0.0}
+    assert found["K_L"] == {"value": K_L, "sd": 0.0, "unit": "unit/s/V"}
     assert found["answers"]["ok"] > 10
 
 
@@ -86,7 +86,7 @@ def test_a_relay_that_never_switches_gets_a_word(tmp_path):
     np.savetxt(tmp_path / "x.csv", table, delimiter=",", header="t,u,y", comments="")
     found = answer(tmp_path / "x.csv", "--method", "wave", "--gain", 1)
     assert found["quality"] == "no_oscillation"
-    assert found["zeta"] == {"value": None, "sd": None}
+    assert found["zeta"] == {"value": None, "sd": None, "unit": "1"}
     assert "no answer to be believed" in found["message"]
 
 
@@ -94,5 +94,5 @@ def test_an_empty_recording_gets_a_word_not_a_number(tmp_path):
     (tmp_path / "x.csv").write_text("t,u,y\n" + "".join(f"{k},1,\n" for k in range(50)))
     found = answer(tmp_path / "x.csv")
     assert found["quality"] == "stale"
-    assert found["omega_n"] == {"value": None, "sd": None}
+    assert found["omega_n"] == {"value": None, "sd": None, "unit": "rad/s"}
     assert "x.csv: has no sample of y" in found["message"]

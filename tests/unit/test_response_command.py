@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import json
 import math
 from typing import TYPE_CHECKING, Any
@@ -274,19 +273,3 @@ def test_what_does_not_go_together_is_told(words: tuple[Any, ...], why: str) -> 
     code, out, err = invoke(*words)
     assert (code, out) == (1, "")
     assert why in err
-
-
-def test_a_plot_without_matplotlib_is_told(
-    recordings: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    code, _, err = invoke(recordings[0], "--plot", "x.png")
-    assert code == 1
-    assert "pip install 'seod[plot]'" in err

@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import json
+import re
 import subprocess
 import sys
 from statistics import fmean
@@ -23,9 +24,12 @@ from seod.files.shipped import configs_dir
 from seod.simulate.options import EXCITATIONS
 from seod.simulate.view import AxisView
 
-RIGS = sorted(configs_dir().glob("*.yaml"))
+LINEAR_RIGS = sorted(p for p in configs_dir().glob("*.yaml") if "hydraulic" not in p.stem)
+"""Those whose limit cycle is that of small movements at any amplitude; test_hydraulics has the others."""
 VIRTUAL = configs_dir() / "virtual.yaml"
 COMPILING = "compiling the kernel (once)\n"
+PROGRESS = re.compile(r"simulating, \d+ %\n")
+"""Told where a run takes long, as on a machine that compiles for the first time."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -37,7 +41,7 @@ def _compiled(tmp_path_factory):
 def simulate(config, out, *words):
     """The summary of a run in this process."""
     result = CliRunner().invoke(app, [str(word) for word in ("simulate", config, "--out", out, *words)])
-    assert (result.exit_code, result.stderr.replace(COMPILING, "")) == (0, "")
+    assert (result.exit_code, PROGRESS.sub("", result.stderr.replace(COMPILING, ""))) == (0, "")
     return json.loads(result.stdout)
 
 
@@ -69,7 +73,7 @@ def edited(tmp_path, *changes, source=VIRTUAL):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", LINEAR_RIGS, ids=lambda path: path.stem)
 def test_each_shipped_rig_tells_its_truth(path, tmp_path):
     """Recordings of all axes, identified by the estimator."""
     config = load_rig(path)
@@ -140,7 +144,7 @@ def test_the_same_seed_makes_the_same_bytes(tmp_path):
     assert gzip.decompress(packed) == one("d.csv", 7)[1]
     assert told["seed"] == 7
     assert told["missing"] == sum(
-        not row["y"] for row in csv.DictReader(io.StringIO(gzip.decompress(packed).decode()))
+        not row["y [rad]"] for row in csv.DictReader(io.StringIO(gzip.decompress(packed).decode()))
     )
     assert told["missing"] > 100
 
@@ -320,7 +324,7 @@ def test_it_runs_as_a_process_of_its_own(tmp_path):
         "0.5",
     ]
     ran = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert ran.stderr.replace(COMPILING, "") == ""
+    assert PROGRESS.sub("", ran.stderr.replace(COMPILING, "")) == ""
     assert json.loads(ran.stdout)["rows"] == 1000
     assert out.read_text().startswith("t,u,y [rad],t_u\n0.0,")
 
