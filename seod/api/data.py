@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -153,8 +154,13 @@ def _part(of: Recording, start: float, end: float) -> Recording:
     return replace(of, **part)
 
 
-def pair(value: str | tuple[float, float], name: str) -> tuple[float, float]:
+def pair(value: str | tuple[float, float], name: str, *, positive: bool = False) -> tuple[float, float]:
     """`"0.5:60"`, or two numbers, as a rising pair.
+
+    Args:
+        value: As given.
+        name: Of the option, for the message.
+        positive: Both must be above 0.
 
     Raises:
         ValueError: It is neither.
@@ -164,6 +170,7 @@ def pair(value: str | tuple[float, float], name: str) -> tuple[float, float]:
         ends = float(low), float(high)
     except (TypeError, ValueError):
         ends = 0.0, 0.0
-    if not ends[0] < ends[1]:
-        raise ValueError(f"{name} {value}: give two rising numbers above 0, such as 0.5:60")
+    if not (0.0 if positive else -math.inf) < ends[0] < ends[1] < math.inf:
+        above = " above 0" if positive else ""
+        raise ValueError(f"{name} {value}: give two rising numbers{above}, such as 0.5:60")
     return ends

@@ -169,7 +169,7 @@ def response(
     live: dict[str, Any] = {
         "kind": kind,
         "amplitude": volts_of("amplitude", amplitude),
-        "band": None if band is None else positive_pair(band, "band"),
+        "band": None if band is None else pair(band, "--band", positive=True),
         "periods": periods,
         "realisations": realisations,
         "points": points,
@@ -263,15 +263,3 @@ def axis_of(rig: RigFile, name: str | None) -> str:
         what = "which axis?" if name is None else f"no axis {name!r}:"
         raise RespondError(f"{what} --axis takes one of {', '.join(rig.axes)}")
     return name
-
-
-def positive_pair(value: str | tuple[float, float], name: str) -> tuple[float, float]:
-    """Two rising numbers above 0.
-
-    Raises:
-        ValueError: They are not.
-    """
-    ends = pair(value, f"--{name}")
-    if not 0.0 < ends[0] < ends[1] < float("inf"):
-        raise ValueError(f"--{name} {value}: give two rising numbers above 0, such as 0.5:60")
-    return ends

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seod.answers import Answer
-from seod.api.data import How, one
+from seod.api.data import How, one, pair
 from seod.api.options import hertz_of, seconds_of, volts_of
 from seod.api.progress import followed, teller
-from seod.api.responses import positive_pair
 from seod.api.rig_file import rig_of
 from seod.config.units import BASE, UNITS
 from seod.files.user_files import irregular
@@ -164,7 +163,7 @@ def simulate(
         bias=volts_of("bias", bias),
         duration=seconds_of("duration", duration),
         frequency=hertz_of("frequency", frequency),
-        band=None if band is None else positive_pair(band, "band"),
+        band=None if band is None else pair(band, "--band", positive=True),
         period=seconds_of("period", period),
         lines=lines,
         cycles=cycles,

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from seod.api.data import pair
 from seod.api.progress import followed
-from seod.api.responses import positive_pair
 from seod.simulate.csv_file import write_csv
 from seod.simulate.options import BELONGS, EXCITATIONS, Options, read_effects
 from seod.terminal.progress import bar
@@ -80,7 +80,7 @@ def test_the_last_of_two_values_counts():
 @given(st.text(max_size=12))
 def test_a_band_is_two_frequencies_or_refused(text):
     try:
-        low, high = positive_pair(text, "band")
+        low, high = pair(text, "--band", positive=True)
     except ValueError as error:
         told = str(error)
         assert f"--band {text}" in told
