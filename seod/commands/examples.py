@@ -7,7 +7,9 @@ from typing import Final
 EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "run": ("seod run configs/virtual.yaml --start --watch", "seod run rig.yaml --record run.mcap --for 60"),
     "rig": ("seod rig configs/can.yaml", "seod rig configs/serial.yaml --for 30"),
+    "neutral": ("seod neutral rig.yaml",),
     "check": ("seod check rig.yaml",),
+    "upgrade": ("seod upgrade rig.yaml",),
     "init": (
         "seod init --virtual --out rig.yaml",
         "seod init --dbc motor.dbc --interface can0 --listen --out rig.yaml",
@@ -42,6 +44,7 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
     "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
     "scrub": ("seod scrub run.mcap",),
+    "paper": ("seod paper --out paper", "seod paper --figure 11 --figure exponent"),
 }
 
 PANELS: Final[dict[str, tuple[str, ...]]] = {

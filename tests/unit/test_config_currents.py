@@ -142,8 +142,8 @@ def test_clients_may_write_units() -> None:
     ) == (
         "motor",
         {
-            "K_L": pytest.approx(0.05),
-            "e_a": pytest.approx(0.005),
+            "K_L": "50 mm/s/V",  # by the daemon, which knows those of the axis
+            "e_a": "5 mA",
             "method": "wave",
             "trim": True,
             "bias": 0.1,

@@ -83,6 +83,7 @@ def test_on_one_core_and_on_many_the_answer_is_the_same_to_the_byte(record, monk
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", ["1", "2"])
 def test_another_process_gives_the_same_bytes_whatever_its_hash_seed_and_threads(record, seed):
     command = [sys.executable, "-m", "seod.cli", "diagnose", str(record), "--json", "--effort", "quick"]
