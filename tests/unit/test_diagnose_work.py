@@ -75,20 +75,24 @@ def answer(path):
 @pytest.mark.slow
 def test_on_one_core_and_on_many_the_answer_is_the_same_to_the_byte(record, monkeypatch):
     told = []
-    for cores in (1, 2, 6):
+    for cores in (1, 6):
         monkeypatch.setattr(pipeline, "processors", lambda cores=cores: cores)
         told.append(answer(record))
-    assert told[0] == told[1] == told[2]
+    assert told[0] == told[1]
     assert "--effort thorough" in told[0]  # else the budget decided nothing
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("seed", ["1", "2"])
-def test_another_process_gives_the_same_bytes_whatever_its_hash_seed_and_threads(record, seed):
+def test_another_process_gives_the_same_bytes_whatever_its_hash_seed_and_threads(record):
     command = [sys.executable, "-m", "seod.cli", "diagnose", str(record), "--json", "--effort", "quick"]
-    environment = os.environ | {"PYTHONHASHSEED": seed, "OPENBLAS_NUM_THREADS": seed}
-    done = subprocess.run(command, env=environment, capture_output=True, check=True)
-    environment["PYTHONHASHSEED"] = "77"
-    again = subprocess.run(command, env=environment, capture_output=True, check=True)
-    assert done.stdout == again.stdout
+    told = [
+        subprocess.run(
+            command,
+            env=os.environ | {"PYTHONHASHSEED": seed, "OPENBLAS_NUM_THREADS": threads},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed, threads in (("1", "1"), ("77", "2"))
+    ]
+    assert told[0] == told[1]
