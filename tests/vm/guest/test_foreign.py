@@ -72,7 +72,7 @@ def test_a_second_daemon_on_the_bus_is_refused_whatever_its_rig_is_called(
     text = CONFIG.read_text().replace("../../..", str(REPO))
     config = tmp_path / "second.yaml"
     config.write_text(
-        text.replace("rig: guest-motor", "rig: another-name").replace("port: 7600", "port: 0\n  panel: false")
+        text.replace("rig: guest-motor", "rig: another-name").replace("port: 7600", "port: 0")
     )
     second = subprocess.run([SEOD, "run", config], capture_output=True, text=True, check=False, timeout=60)
     assert second.returncode != 0

@@ -187,7 +187,7 @@ def test_token_and_key_come_from_credentials(secure_unit: str) -> None:
         f"/run/credentials/{secure_unit}/command_token",
     ]
     assert subprocess.run(nobody_else, check=False, capture_output=True).returncode != 0
-    assert systemctl("show", "--value", "-p", "UMask", secure_unit).strip() == "0027"
+    assert systemctl("show", "--value", "-p", "UMask", secure_unit).strip() == "0077"
 
 
 def test_a_credential_that_is_missing_is_told(secure_unit: str) -> None:
