@@ -71,9 +71,7 @@ def test_a_second_daemon_on_the_bus_is_refused_whatever_its_rig_is_called(
     before = bench.counters()["foreign_commands"]
     text = CONFIG.read_text().replace("../../..", str(REPO))
     config = tmp_path / "second.yaml"
-    config.write_text(
-        text.replace("rig: guest-motor", "rig: another-name").replace("port: 7600", "port: 0")
-    )
+    config.write_text(text.replace("rig: guest-motor", "rig: another-name").replace("port: 7600", "port: 0"))
     second = subprocess.run([SEOD, "run", config], capture_output=True, text=True, check=False, timeout=60)
     assert second.returncode != 0
     assert f"socketcan vcan0 id 0x201 is commanded already by process {bench.program.pid}" in second.stderr
