@@ -6,6 +6,7 @@ With SEOD_PICTURES=FOLDER the pictures of docs/panel.md are taken.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 import urllib.request
@@ -27,6 +28,7 @@ pytestmark = pytest.mark.processes
 
 PICTURES = os.environ.get("SEOD_PICTURES")
 PAGE_BYTES = 300_000
+JOB_PATIENCE_S = 240.0
 
 
 @pytest.fixture(scope="module")
@@ -319,6 +321,44 @@ def edit(page: Page, old: str, new: str) -> None:
         old,
         new,
     )
+
+
+@pytest.mark.timeout(400)
+def test_a_frequency_response_is_measured_from_the_page(page: Page) -> None:
+    at_rest(page)
+    take_over(page)
+    page.view("cycle")
+    page.driver.find_element("css selector", "#bode-form button").click()
+    page.until_text("bode-said", "Fit: zeta", JOB_PATIENCE_S)
+    zeta, omega_n = (
+        float(each) for each in re.findall(r"(?:zeta|omega_n) ([0-9.]+)", page.text("bode-said"))
+    )
+    assert abs(zeta - 0.21) < 0.02
+    assert abs(omega_n - 117.0) < 3.0
+    assert page.js("document.querySelectorAll('#bode canvas').length") == 2
+    picture(page, "panel-bode")
+
+
+@pytest.mark.timeout(600)
+def test_the_last_seconds_are_diagnosed_from_the_page(rig: PanelRig, page: Page) -> None:
+    excite(page)
+    page.until_text("now-quality", "ok")
+    time.sleep(4.0)  # all that is diagnosed is of this excitation
+    page.view("model")
+    seconds = page.driver.find_element("css selector", "#diagnose [name=seconds]")
+    seconds.clear()
+    seconds.send_keys("4")
+    page.driver.find_element("css selector", "#diagnose button").click()
+    page.until(lambda: page.js("document.querySelectorAll('#job progress').length"), "no progress")
+    page.until_text("job", "held-out error", JOB_PATIENCE_S)
+    assert "The model misses" in page.text("verdict")
+    links = page.js("[...document.querySelectorAll('#job a')].map((each) => each.getAttribute('href'))")
+    assert any(link.endswith("report.html") for link in links)
+    cookie = rig.session()["cookie"]
+    for link in links:
+        status, _, size = rig_bytes(rig, link, cookie)
+        assert (status, size > 1000) == (200, True)
+    picture(page, "panel-diagnosis")
 
 
 def test_on_a_phone_in_dark_and_light(rig: PanelRig, page: Page) -> None:

@@ -23,11 +23,11 @@ export class Cycle {
     const decibel = { x: { time: false, distr: 3 } };
     const shown = (name) => [{ label: "omega [rad/s]", value: (_, v) => figure(v) },
       { label: name, scale: name, stroke: colour("y"), paths: () => null, points: { show: true, size: 6 }, value: (_, v) => figure(v) },
-      { label: "low", scale: name, stroke: colour("y"), width: 1, dash: [2, 3], value: (_, v) => figure(v) },
-      { label: "high", scale: name, stroke: colour("y"), width: 1, dash: [2, 3], value: (_, v) => figure(v) },
+      { label: "low", scale: name, stroke: colour("y"), width: 1, dash: [2, 3], spanGaps: true, value: (_, v) => figure(v) },
+      { label: "high", scale: name, stroke: colour("y"), width: 1, dash: [2, 3], spanGaps: true, value: (_, v) => figure(v) },
       { label: "fit", scale: name, stroke: colour("model"), width: 2, value: (_, v) => figure(v) },
       { label: "limit cycle", scale: name, stroke: colour("u"), paths: () => null, points: { show: true, size: 12 }, value: (_, v) => figure(v) },
-      ...(name === "phase [deg]" ? [] : [{ label: "coherence", scale: "coherence", stroke: colour("e"), width: 1, value: (_, v) => figure(v) }])];
+      ...(name === "phase [deg]" ? [] : [{ label: "coherence", scale: "coherence", stroke: colour("e"), width: 1, spanGaps: true, value: (_, v) => figure(v) }])];
     this.bode = ["gain [dB]", "phase [deg]"].map((name) => {
       const place = document.createElement("div");
       at("bode").append(place);
@@ -43,6 +43,7 @@ export class Cycle {
     const axis = this.axis(), estimate = this.estimates.get(axis);
     if (!this.visible || !this.status || !this.wire.socket) return;
     if (!estimate || !estimate.frequency || this.status.axes[axis].state !== "exciting") {
+      this.portrait.show([null, [[], []], [[], []]]);
       at("portrait-text").textContent = "The limit cycle is seen while the rig is excited.";
       return;
     }

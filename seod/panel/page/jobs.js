@@ -36,7 +36,7 @@ export function showDiagnosis(place, state) {
   if (d.extended) rows.push(base("extended", d.extended));
   const effects = (d.effects || []).map((effect) => make("li", {}, make("strong", {}, effect.name.replaceAll("_", " ")), ": ",
     Object.entries(effect.parameters).map(([name, p]) =>
-      `${name} ${figure(p.value)} ${p.unit || ""} [${(p.ci95 || []).map((v) => figure(v)).join(", ")}]`).join("; "),
+      `${name} ${figure(p.value)}${p.unit && p.unit !== "1" ? ` ${p.unit}` : ""} [${(p.ci95 || []).map((v) => figure(v)).join(", ")}]`).join("; "),
     effect.indistinguishable_from?.length ? `; cannot be told from ${effect.indistinguishable_from.join(", ")}` : ""));
   place.replaceChildren(
     make("p", { id: "verdict" }, make("strong", {}, words[d.verdict] || d.verdict)),
