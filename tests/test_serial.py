@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from seod.config.load import load_rig
+from seod.config.truth import truth
 from seod.files.shipped import configs_dir
 from tests.peers import ROOM, Program, Rpc, RpcError, find_process, free_port, kill, port_of, port_open, until
 
@@ -205,6 +207,46 @@ def test_the_example_of_an_arduino(tmp_path: Path) -> None:
     back_door = Rpc(program.ready()["control_port"])
     try:
         assert_found(rig_file, 117.0, 0.21)
+    finally:
+        back_door.close()
+        program.stop()
+
+
+HYDRAULIC = """      plant: hydraulic
+      input: valve
+      output: angle
+      stops: [-1.5, 1.5]
+      hydraulic:
+        supply: {pressure: 8.0e6}
+        valve: {rated_flow: 5.0e-4, rated_drop: 2.1e7, leakage: 1.2e-5}
+        oil: {air: 0.01}
+        motor: {displacement: 1.75e-6, volume: 5.0e-5}
+        leakage: {cross: 1.0e-12}
+        load: {inertia: 1.92e-2}
+"""
+"""A valve, two chambers and a motor: the small movements of 0.02 V are those of Eq. 1."""
+
+
+def test_a_hydraulic_rig_at_the_other_end_of_the_line(rig_file: Path) -> None:
+    text = rig_file.read_text()
+    begin, end = text.index("      input: valve\n"), text.index("  constants:\n")
+    text = text[:begin] + HYDRAULIC + text[end:]
+    for old, new in (
+        ("e_a: 0.5 V", "e_a: 0.02 V"),
+        ("hysteresis: 4 mrad", "hysteresis: 0.1 mrad"),
+        ("movement: 30 mrad", "movement: 1 mrad"),
+        ("scale: 1.0e-5", "scale: 1.0e-7"),
+    ):
+        assert old in text, old
+        text = text.replace(old, new)
+    rig_file.write_text(text)
+    told = truth(load_rig(rig_file))["motor"]
+    rig_file.write_text(text.replace("K_L: 17 ", f"K_L: {told['K_L']:.6g} "))
+    program = Program(rig_file.with_suffix(".rig.log"), "rig", rig_file)
+    back_door = Rpc(program.ready()["control_port"])
+    try:
+        assert_found(rig_file, told["omega_n"] or 0.0, told["zeta"] or 0.0)
+        assert back_door.call("state")["plants"]["motor"]["pressure"] > 0.0
     finally:
         back_door.close()
         program.stop()
