@@ -17,6 +17,8 @@ from seod.cli import app
 from sim.effects import EFFECTS
 
 REPO = Path(__file__).parents[1]
+SHOWN = {".md", ".png", ".svg"}
+"""What the site has of the folder: pages and pictures."""
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\((?:\.\./)+((?!docs/)[^)\s]+)\)")
 
 
@@ -34,7 +36,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     def link(found: re.Match[str]) -> str:
         text, target = found[1], found[2]
         inside = (REPO / "docs" / here / found[0].rpartition("(")[2].rstrip(")")).resolve()
-        if inside.is_relative_to(REPO / "docs") and inside.suffix == ".md":
+        if inside.is_relative_to(REPO / "docs") and inside.suffix in SHOWN:
             return found[0]
         return f"{text.strip('`')} (`{target}`)" if text.strip("`") != target else f"`{target}`"
 
