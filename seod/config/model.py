@@ -244,6 +244,11 @@ class AxisConfig(Section):
         return own | ({"reference": self._speed} if self.mode == "velocity" else {})
 
     @property
+    def measured_unit(self) -> str:
+        """SI unit of what its sensor measures: of a position, in velocity mode of a speed."""
+        return self._speed if self.mode == "velocity" else self._speed.removesuffix("/s")
+
+    @property
     def two_phase(self) -> bool:
         """Whether the excitation begins with two phases."""
         enabled = self.excitation.two_phase.enabled

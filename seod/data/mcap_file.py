@@ -168,7 +168,8 @@ class McapSource:
 
     def _make_groups(self) -> Iterator[Group]:
         if self._axes:
-            yield rows_group(self._axes)
+            channels = {each.topic.removeprefix(ROWS): each for each in self._sorted() if self._is_rows(each)}
+            yield rows_group(self._axes, {axis: each.metadata for axis, each in channels.items()})
         for channel in self._sorted():
             if self._is_rows(channel):
                 continue

@@ -28,10 +28,12 @@ _OF_AXIS = (*AXIS_FIELDS, "age", "state", "flags")
 _STATES = {int(state): state.name.lower() for state in AxisState}
 
 
-def rows_group(axes: Sequence[str]) -> Group:
-    """The ticks of a seod recording, with the columns of its CSV form."""
+def rows_group(axes: Sequence[str], units: Mapping[str, Mapping[str, str]]) -> Group:
+    """The ticks of a seod recording, with the columns of its CSV form; `units` by axis and field."""
     columns = [
-        Column(column_name(axes, axis, field), _unit(field), field == "state")
+        Column(
+            column_name(axes, axis, field), units.get(axis, {}).get(field) or _unit(field), field == "state"
+        )
         for axis in axes
         for field in _OF_AXIS
     ]

@@ -18,7 +18,6 @@ from seod.panel.foxglove import FoxgloveSocket, choose_protocol
 from seod.panel.metrics import RigCollector
 from seod.panel.page_socket import PageSocket
 from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
-from seod.panel.units import measured_unit
 from seod.panel.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
@@ -198,7 +197,7 @@ class Pages:
         return {
             "mode": axis.mode,
             "command_unit": axis.command_unit,
-            "unit": measured_unit(axis),
+            "unit": axis.measured_unit,
             "signal_unit": units["hysteresis"],
             "units": units,
             "output": axis.limits.output,

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from seod.panel.units import measured_unit
 from seod.terminal.progress import PROGRESS_FD
 
 if TYPE_CHECKING:
@@ -225,7 +224,7 @@ class Jobs:
             write_rows(data, history, asked.seconds)
         more += ["--config", rig] if len(self._panel.config.axes) == 1 or recording is not None else []
         axis = self._panel.config.axes[asked.axis]
-        more += ["--output", axis.mode, "--units", f"y={measured_unit(axis)}"]
+        more += ["--output", axis.mode, "--units", f"y={axis.measured_unit}"]
         return [*seod, "diagnose", str(data), *more, "--out", str(folder), "--effort", asked.effort, "--json"]
 
     def _forget_oldest(self) -> None:

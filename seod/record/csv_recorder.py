@@ -4,7 +4,8 @@ One header line, then one line a tick. For each axis: `t` [s] when `y` was sampl
 `t_u` [s] when `u` left, `reference`, `e_a` [V], `bias` [V], `signal` (the relay's input), `ps` [Pa],
 `temperature` [K], `K_L` in force, `state`, `flags` (`FLAG_*` of `seod.processes.ring`). With several axes
 each column carries its axis: `motor.t`, `motor.y`, ..., so that `--columns t=motor.t,y=motor.y,u=motor.u`
-selects one. `tick` counts ticks; `t_tick` [s] is when they began.
+selects one. `y` and `reference` tell their unit: `y [rad]`. `tick` counts ticks; `t_tick` [s] is when they
+began.
 
 A tick without a new sample has an empty `y`, and as `t` when the sample would have been taken. Numbers have
 all their digits; what is undefined is empty.
@@ -18,11 +19,13 @@ import queue
 import stat
 import threading
 from collections import deque
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from seod.files.user_files import create_recording, keep_earlier
 from seod.processes.ring import AXIS_FIELDS, FLAG_FRESH, AxisState, Column
 from seod.record.disk import FULL, missing
+from seod.record.layout import MEASURED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,9 +63,14 @@ _PIECE_ROWS = 500
 """Rows that are written whole or not at all."""
 
 
-def header(axes: Sequence[str]) -> str:
-    """The first line, with its end."""
-    names = [f"{axis}.{name}" if len(axes) > 1 else name for axis in axes for name in COLUMNS]
+def header(axes: Sequence[str], units: Mapping[str, str] = MappingProxyType({})) -> str:
+    """The first line, with its end; `units` of what an axis measures, by its name."""
+    names = [
+        (f"{axis}.{name}" if len(axes) > 1 else name)
+        + (f" [{units[axis]}]" if name in MEASURED and axis in units else "")
+        for axis in axes
+        for name in COLUMNS
+    ]
     return ",".join([*names, "tick", "t_tick"]) + "\n"
 
 
@@ -134,18 +142,21 @@ class CsvRecorder:
     Args:
         path: Where to.
         axes: Names of the axes.
+        units: SI units of what they measure, by name.
 
     Raises:
         OSError: The file cannot be opened, or not even its header be written.
     """
 
-    def __init__(self, path: Path, axes: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, axes: Sequence[str], units: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self.error = ""
         """Why rows are not being written at present."""
         self._path = path
         self._lines = CsvLines(len(axes))
         self._file = CsvFile(path)
-        self._file.write(header(axes))
+        self._file.write(header(axes, units))
         self._queue: queue.SimpleQueue[NDArray[np.void]] = queue.SimpleQueue()
         self._unwritten: deque[tuple[str, int]] = deque()
         self._taken = self._written = self._failed = self._refused = 0

@@ -52,6 +52,9 @@ UNITS: Final = {
 }
 """Fields of `seod.processes.ring.AXIS_FIELDS` with unit and meaning."""
 
+MEASURED: Final = ("y", "reference")
+"""Fields in the unit of what the axis measures; metadata of the rows' channel tells it."""
+
 ROW: Final = np.dtype(
     [
         ("cdr", "<u4"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -37,6 +37,7 @@ class About:
         rig_json: The rig file as it was read.
         started: Wall clock at the recorder's start [s since 1970].
         offset_ns: Wall clock minus the clock of the rows, then.
+        units: SI units of what the axes measure, by name.
     """
 
     rig: str
@@ -45,6 +46,7 @@ class About:
     rig_json: str
     started: float
     offset_ns: int
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 class McapFile:
@@ -88,7 +90,9 @@ class McapFile:
 
     def _row_channel(self, axis: str) -> int:
         schema = self._writer.register_schema(layout.ROW_SCHEMA_NAME, "ros2msg", layout.ROW_SCHEMA.encode())
-        return self._writer.register_channel(ROWS + axis, "cdr", schema)
+        unit = self._about.units.get(axis)
+        told = {} if unit is None else dict.fromkeys(layout.MEASURED, unit)
+        return self._writer.register_channel(ROWS + axis, "cdr", schema, told)
 
     def _json_channel(self, topic: str) -> int:
         schema = json.dumps({"type": "object", "title": topic, "properties": {"t": {"type": "number"}}})

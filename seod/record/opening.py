@@ -58,15 +58,18 @@ def open_recorder(path: Path, config: RigConfig, rig_text: str) -> Recorder:
         OSError: The file cannot be had.
     """
     axes = list(config.axes)
+    units = {name: axis.measured_unit for name, axis in config.axes.items()}
     if path.suffix.lower() == ".csv":
-        return CsvRecorder(path, axes)
+        return CsvRecorder(path, axes, units)
     from seod.config.redact import redacted  # noqa: PLC0415 - likewise
     from seod.record.mcap_file import About  # noqa: PLC0415 - not needed without a recording
     from seod.record.recorder import McapRecorder  # noqa: PLC0415
     from seod.record.series import Rotation  # noqa: PLC0415
 
     offset_ns = time.time_ns() - time.monotonic_ns()
-    about = About(config.rig, axes, redacted(rig_text), config.model_dump_json(), time.time(), offset_ns)
+    about = About(
+        config.rig, axes, redacted(rig_text), config.model_dump_json(), time.time(), offset_ns, units
+    )
     size = None if config.record.max_megabytes is None else config.record.max_megabytes * 1e6
     return McapRecorder(path, about, Rotation(size, config.record.max_time))
 

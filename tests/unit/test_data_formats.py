@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 import can
 import cantools
@@ -17,9 +18,10 @@ from seod.data.mcap_rows import JsonRows, TickRows, rows_group
 from seod.data.source import BLOCK_ROWS, Column, Group
 from seod.files.shipped import configs_dir
 from seod.processes.ring import FLAG_FRESH
-from seod.record.csv_recorder import CsvLines, header
+from seod.record.csv_recorder import CsvLines, CsvRecorder, header
 from seod.record.layout import encode
 from seod.record.mcap_file import McapFile
+from seod.record.series import Rotation, Series
 
 T = np.arange(500) * 0.01
 U = np.sign(np.sin(7.0 * T))
@@ -246,6 +248,25 @@ def test_a_recording_in_mcap_reads_as_the_one_in_csv(axes, tmp_path):
     assert told[0].temperature is None
 
 
+def test_recordings_tell_the_units_of_what_was_measured(tmp_path):
+    table, units = rows(20, 2), {"pitch": "rad", "roll": "m/s"}
+    series = Series(
+        tmp_path / "a.mcap", replace(about(("pitch", "roll")), units=units), Rotation(), dict, 0.0
+    )
+    series.put([table], 0.0)
+    series.finish(0.0)
+    recorder = CsvRecorder(tmp_path / "a.csv", ["pitch", "roll"], units)
+    recorder.add(table)
+    recorder.close()
+    for suffix in ("mcap", "csv"):
+        for axis, unit in units.items():
+            named = {"columns": f"t={axis}.t,y={axis}.y,u={axis}.u"} if suffix == "csv" else {"axis": axis}
+            told = read(tmp_path / f"a.{suffix}", **named)
+            assert told.units["y"] == unit
+            np.testing.assert_array_equal(told.y, table["axes"]["y"][:, list(units).index(axis)])
+    assert ",pitch.y [rad],pitch.u," in (tmp_path / "a.csv").read_text().partition("\n")[0]
+
+
 def test_all_that_is_in_a_recording(tmp_path):
     notes = [
         (
@@ -362,7 +383,7 @@ def test_rows_without_a_sample_stay_before_the_next_one(tmp_path):
 
 def test_a_tick_that_one_axis_lacks_at_the_end_is_there_for_the_other(tmp_path):
     axes = ("pitch", "roll")
-    waiting = TickRows(rows_group(axes), ["tick", "pitch.y", "roll.y"], tmp_path, axes)
+    waiting = TickRows(rows_group(axes, {}), ["tick", "pitch.y", "roll.y"], tmp_path, axes)
     for number, axis in enumerate(axes):
         for message in encode(rows(5, 2), number)[: 5 - number]:
             waiting.add(axis, message.tobytes())
