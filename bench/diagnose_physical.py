@@ -94,7 +94,7 @@ def with_cause(cause: str, parts: dict[str, dict[str, float]], e_a: float, rando
     elif cause == "leakage":
         parts["leakage"]["cross"] *= random.uniform(1.5, 3.0)
     elif cause == "null shift":
-        parts["valve"]["null"] = e_a * random.uniform(0.1, 0.4) * random.choice([-1.0, 1.0])
+        parts["valve"]["null_bias"] = e_a * random.uniform(0.1, 0.4) * random.choice([-1.0, 1.0])
     elif cause == "hysteresis":
         parts["valve"]["hysteresis"] = e_a * random.uniform(0.05, 0.2)
     elif cause == "shaking":

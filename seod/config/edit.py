@@ -102,7 +102,14 @@ def _written(value: Any, inside: bool = False) -> Any:
         row = CommentedSeq([_written(each, inside=True) for each in value])
         row.fa.set_flow_style()
         return row
-    return str(value)
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def _number(value: float) -> str:
+    """With a point and a sign, without which readers of YAML 1.1 take it for text."""
+    mantissa, e, exponent = repr(value).partition("e")
+    point = ".0" if e and "." not in mantissa else ""
+    return f"{mantissa}{point}{e}{exponent}"
 
 
 def difference(path: Path, before: str, after: str) -> str:

@@ -77,7 +77,7 @@ def through(p: Record, drop: float) -> float:
 @inlined
 def opening(p: Record, spool: float) -> float:
     """Of the valve [V]: null and overlap taken away, ports unequal."""
-    from_null = spool - p.valve_null
+    from_null = spool - p.valve_null_bias
     if from_null > p.valve_overlap:
         return (from_null - p.valve_overlap) * (1.0 + p.valve_asymmetry)
     if from_null < -p.valve_overlap:

@@ -224,7 +224,7 @@ class Physics:
         o, pa, pb, ps = (float(value) for value in x)
         sign = 1.0 if o >= 0.0 else -1.0
         unequal = 1.0 + sign * self.p["valve_asymmetry"]
-        volts = self.p["valve_null"] + sign * self.p["valve_overlap"] + o / unequal
+        volts = self.p["valve_null_bias"] + sign * self.p["valve_overlap"] + o / unequal
         if demand > self.p["supply_flow"] and self.p["supply_droop"] > 0.0:
             raise ValueError(f"no steady state at {speed:g} unit/s: it needs more flow than the pump gives")
         return Steady(o, volts, pa, pb, ps, demand, speed)

@@ -93,7 +93,7 @@ PARTS = (
     Part(
         "valve", "hysteresis", "V", 0.0, 0.0, 10.0, "half the width of the loop", "catalogues: < 3 % of rated"
     ),
-    Part("valve", "null", "V", 0.0, -10.0, 10.0, "where it is closed", "catalogues: < 2 % of rated"),
+    Part("valve", "null_bias", "V", 0.0, -10.0, 10.0, "where it is closed", "catalogues: < 2 % of rated"),
     Part(
         "valve",
         "leakage",

@@ -93,7 +93,7 @@ PHYSICAL: dict[str, Callable[[Values, float], None]] = {
     "valve_hysteresis.half_width": _put("valve_hysteresis"),
     "valve_lag.time": _spool_lag,
     "valve_rate_limit.rate": _put("valve_rate"),
-    "null_shift.voltage": _put("valve_null"),
+    "null_shift.voltage": _put("valve_null_bias"),
     "valve_deadband.half_width": _put("valve_overlap"),
     "asymmetric_gain.ratio": _put("valve_asymmetry"),
     "pressure_dependent_stiffness.air": _air,

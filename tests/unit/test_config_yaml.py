@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import pytest
 import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from seod.config.edit import edited
 from seod.config.yaml_lines import MAX_DEPTH, Document, parse
 from seod.files.shipped import configs_dir
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def only_problem(text: str) -> tuple[int, str]:
@@ -38,6 +43,18 @@ def test_plain_words_follow_the_core_schema_of_yaml_1_2() -> None:
 def test_what_only_yaml_1_1_converts_and_what_is_quoted_stays_text() -> None:
     document = parse("\n".join(f"k{i}: {text}" for i, text in enumerate(TEXTS)))
     assert list(document.value.values()) == [text.strip("'") for text in TEXTS]
+
+
+@pytest.mark.parametrize("path", sorted(configs_dir().glob("*.yaml")), ids=lambda path: path.stem)
+def test_readers_of_yaml_1_1_take_the_numbers_of_shipped_rigs_for_numbers(path: Path) -> None:
+    assert yaml.safe_load(path.read_text()) == parse(path.read_text()).value
+
+
+@pytest.mark.parametrize("value", [7e6, 1e-9, 1e16, 2.5e22, 0.1, -3.0])
+def test_readers_of_yaml_1_1_take_numbers_that_are_written_for_numbers(value: float) -> None:
+    text = edited((configs_dir() / "virtual.yaml").read_text(), {("axes", "motor", "K_L"): value})
+    assert yaml.safe_load(text)["axes"]["motor"]["K_L"] == value
+    assert parse(text).value["axes"]["motor"]["K_L"] == value
 
 
 def test_nan_is_a_number() -> None:

@@ -92,7 +92,7 @@ def test_simulate_writes_a_recording_and_its_truth(tmp_path):
     ]
     first = CliRunner().invoke(app, words)
     assert first.exit_code == 0, first.output
-    told = json.loads(first.output)
+    told = json.loads(first.stdout)
     assert told["truth"]["small_signal"]["zeta"] > 1.0
     assert told["truth"]["effects"]["coulomb_friction"] == {"level": 50.0}
     bytes_then = out.read_bytes()

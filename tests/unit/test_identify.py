@@ -207,7 +207,7 @@ def test_the_command_prints_json_of_the_contract(tmp_path, fonts):
     options = ["--columns", "t=time,u=cmd,y=pos", "--plot", str(tmp_path / "a.png")]
     done = CliRunner().invoke(app, ["identify", str(file), *options, "--json"])
     assert done.exit_code == 0, done.output
-    answer = json.loads(done.output)
+    answer = json.loads(done.stdout)
     assert set(answer) >= {"K_L", "omega_n", "zeta", "delay", "quality", "method", "nrmse"}
     assert answer["zeta"]["value"] == pytest.approx(ZETA, abs=4.0 * answer["zeta"]["sd"])
     assert (tmp_path / "a.png").stat().st_size > 1000
