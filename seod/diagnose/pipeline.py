@@ -100,7 +100,13 @@ def diagnose(
     Raises:
         DiagnoseError: A recording tells nothing.
     """
-    asked = options or Options()
+    with threadpool_limits(1, "blas"):  # sums of several threads differ in their last digits
+        return _diagnose(recordings, holdout, options or Options(), progress)
+
+
+def _diagnose(
+    recordings: Sequence[Recording], holdout: Sequence[Recording], asked: Options, progress: Progress
+) -> Diagnosis:
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
     output, closed, typed = _typed(recordings, asked)
@@ -124,7 +130,7 @@ def diagnose(
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
-    with ThreadPoolExecutor(processors()) as pool, threadpool_limits(1, "blas"):
+    with ThreadPoolExecutor(processors()) as pool:
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
         searched = in_blocks(every[: len(recordings)])
