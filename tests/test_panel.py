@@ -29,6 +29,9 @@ pytestmark = pytest.mark.processes
 PICTURES = os.environ.get("SEOD_PICTURES")
 PAGE_BYTES = 300_000
 JOB_PATIENCE_S = 240.0
+RECORDED_ROWS = 1000
+DIAGNOSED_TICKS = 8000
+"""Four seconds at 2 kHz: all that is diagnosed is of one excitation."""
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +84,10 @@ def started(page: Page) -> bool:
     """Whether it is excited; a start that comes before the first sample is refused, and tried again."""
     if page.text("state") == "exciting":
         return True
+    page.js("document.getElementById('said').textContent = ''")
     page.click("start")
-    time.sleep(0.3)
-    return page.text("state") == "exciting"
+    page.until(lambda: page.text("said"), "start is not answered")
+    return page.text("said") == "start: done"
 
 
 def picture(page: Page, name: str) -> None:
@@ -272,8 +276,8 @@ def test_records_lists_and_replays(rig: PanelRig, page: Page) -> None:
     excite(page)
     page.view("recordings")
     page.click("record")
-    page.until_text("recorder", "0 lost")
-    time.sleep(1.0)
+    rows = lambda: int((re.findall(r"(\d+) rows, 0 lost", page.text("recorder")) or ["0"])[0])  # noqa: E731
+    page.until(lambda: rows() > RECORDED_ROWS, "nothing is recorded")
     page.click("record")
     page.until_text("recorder", "Nothing is recorded")
     page.until(lambda: page.js("document.querySelectorAll('#recordings button').length") == 2, "not listed")
@@ -343,7 +347,14 @@ def test_a_frequency_response_is_measured_from_the_page(page: Page) -> None:
 def test_the_last_seconds_are_diagnosed_from_the_page(rig: PanelRig, page: Page) -> None:
     excite(page)
     page.until_text("now-quality", "ok")
-    time.sleep(4.0)  # all that is diagnosed is of this excitation
+    rpc = rig.rpc()
+    try:
+        begun = rpc.call("status")["health"]["ticks"]
+        page.until(
+            lambda: rpc.call("status")["health"]["ticks"] - begun > DIAGNOSED_TICKS, "too little is excited"
+        )
+    finally:
+        rpc.close()
     page.view("model")
     seconds = page.driver.find_element("css selector", "#diagnose [name=seconds]")
     seconds.clear()

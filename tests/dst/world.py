@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 import signal
+from abc import ABC, abstractmethod
 from hashlib import blake2b
 from itertools import count
 from random import Random
@@ -28,16 +29,16 @@ class Dead(BaseException):
     """Thrown into the code of a process that has ended: nothing that it does has an effect any more."""
 
 
-class End:
+class End(ABC):
     """Something with a descriptor that one can wait for."""
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.watchers: dict[Task, None] = {}
 
+    @abstractmethod
     def readable(self) -> bool:
         """Whether a read would bring something."""
-        raise NotImplementedError
 
     def changed(self) -> None:
         """Wake whoever waits for it."""
