@@ -137,6 +137,7 @@ def test_a_recording_that_a_full_disk_did_not_take_is_told_and_is_a_failure(
     assert recorder["error"] == why
     assert recorder["waiting"] > 0
     assert process.returncode == 1
-    assert f"seod: recording {disk / name}: " in said
+    assert f"seod: recording {disk / name}: up to " in said
     assert f"rows are not in it: {why}" in said
-    assert len(read(tmp_path / name).t) == recorder["rows"]
+    # the write that failed may have left whole rows beyond those confirmed
+    assert recorder["rows"] <= len(read(tmp_path / name).t) <= recorder["rows"] + recorder["waiting"]

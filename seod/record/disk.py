@@ -82,8 +82,11 @@ def sync_directory(path: Path) -> None:
 
 
 def missing(path: Path, rows: int, error: str) -> int:
-    """Say on stderr, at the end of a recording, that rows are not in it, and why; returns their number."""
+    """Say on stderr, at the end of a recording, that rows are not in it, and why; returns their number.
+
+    "Up to": what the disk took of the last write, before it failed, is in the file but was never confirmed.
+    """
     if rows:
         why = f": {error}" if error else ""
-        print(f"seod: recording {path}: {rows} rows are not in it{why}", file=sys.stderr)  # noqa: T201
+        print(f"seod: recording {path}: up to {rows} rows are not in it{why}", file=sys.stderr)  # noqa: T201
     return rows

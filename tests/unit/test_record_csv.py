@@ -153,7 +153,7 @@ def test_what_a_full_disk_never_took_is_told_at_the_end(tmp_path, monkeypatch, c
     assert [int(line["tick"]) for line in read(tmp_path / "a.csv")] == list(range(500))
     path = tmp_path / "a.csv"
     why = f"{path} cannot be written: No space left on device"
-    assert capsys.readouterr().err == f"seod: recording {path}: 100 rows are not in it: {why}\n"
+    assert capsys.readouterr().err == f"seod: recording {path}: up to 100 rows are not in it: {why}\n"
 
 
 def test_a_deleted_file_is_noticed(tmp_path):

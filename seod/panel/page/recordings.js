@@ -12,6 +12,7 @@ export class Recordings {
     this.wire = wire; this.about = about; this.visible = false; this.recorder = null;
     wire.hear("health", (health) => { this.recorder = health.recorder; this.tell(); });
     at("record").onclick = () => this.toggle();
+    at("record").disabled = !about.command;
     setInterval(() => this.list(), EVERY_MS);
   }
 
@@ -20,7 +21,6 @@ export class Recordings {
   tell() {
     const on = this.recorder !== null;
     at("record").textContent = on ? "End the recording" : "Record";
-    at("record").disabled = !this.about.command;
     at("recorder").textContent = on
       ? `${this.recorder.file}: ${figure(this.recorder.rows, 9)} rows, ${this.recorder.lost} lost${this.recorder.error ? `; ${this.recorder.error}` : ""}`
       : "Nothing is recorded.";
