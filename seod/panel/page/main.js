@@ -42,7 +42,7 @@ function alarm() {
 
 armEstop(wire, about, (text) => { estopSaid = text; alarm(); });
 
-wire.onBlock = (block) => views.scope.take(block);
+wire.onBlocks = (blocks) => views.scope.take(blocks);
 wire.onOpen = async () => {
   views.scope.begin();
   controls.load();

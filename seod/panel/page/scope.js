@@ -9,6 +9,7 @@ const MOST_AXES = 4;
 const PAST_S = 60;
 const CHUNK = 4096;
 const POINTS = 1200;
+const BEHIND = 3; // messages that may wait: the panel sends one a frame, but not in step with the screen
 
 export class Scope {
   constructor(wire, about) {
@@ -29,6 +30,7 @@ export class Scope {
     at("again").onclick = () => this.begin();
     at("pause").onclick = () => (this.paused ? this.resume() : this.pause());
     at("scope-axes").append(...this.names.map((name) => this.choice(name)));
+    document.addEventListener("visibilitychange", () => this.begin()); // a page in the background is sent nothing
     setInterval(() => this.count(), 1000);
   }
 
@@ -43,7 +45,7 @@ export class Scope {
 
   // Ask for what is to be seen; on a new connection as well.
   async begin() {
-    if (this.paused || !this.visible) {
+    if (this.paused || !this.visible || document.hidden) {
       if (this.wire.socket) await this.wire.ask("view", { axes: [], mode: "off" }).catch(() => {});
       return;
     }
@@ -60,15 +62,19 @@ export class Scope {
     } catch (error) { this.number = 0; }
   }
 
-  take(block) {
-    this.waiting.push(block);
-    if (!this.drawing) { this.drawing = true; requestAnimationFrame(() => this.draw()); }
+  take(blocks) {
+    this.waiting.push(blocks);
+    if (!this.drawing) this.nextFrame();
   }
 
+  nextFrame() {
+    this.drawing = this.waiting.length > 0;
+    if (this.drawing) requestAnimationFrame(() => { this.draw(); this.nextFrame(); });
+  }
+
+  // One message a frame, so that two that come close together fill two frames; all of them when it falls behind.
   draw() {
-    this.drawing = false;
-    const blocks = this.waiting;
-    this.waiting = [];
+    const blocks = this.waiting.splice(0, this.waiting.length > BEHIND ? this.waiting.length : 1).flat();
     let drawn = false;
     for (const block of blocks) {
       const strip = this.strips.get(block.axis);

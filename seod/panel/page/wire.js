@@ -12,7 +12,7 @@ export class Wire {
     this.asked = new Map();
     this.heard = new Map();
     this.number = 0;
-    this.onBlock = () => {};
+    this.onBlocks = () => {};
     this.onOpen = () => {};
     this.onClose = () => {};
     this.open();
@@ -63,7 +63,7 @@ export class Wire {
   }
 
   takeBlocks(buffer) {
-    const view = new DataView(buffer);
+    const view = new DataView(buffer), shown = [];
     for (let at = 0; at + HEAD <= buffer.byteLength;) {
       const rows = view.getUint16(at + 2, true), columns = view.getUint32(at + 4, true);
       const block = {
@@ -73,8 +73,9 @@ export class Wire {
       };
       at += HEAD + 4 * rows * columns;
       const asked = block.kind === ANSWER && this.asked.get(block.number);
-      if (asked) { this.asked.delete(block.number); asked(block); } else this.onBlock(block);
+      if (asked) { this.asked.delete(block.number); asked(block); } else shown.push(block);
     }
+    if (shown.length) this.onBlocks(shown);
   }
 
   hear(topic, what) {
