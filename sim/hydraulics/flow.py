@@ -109,11 +109,9 @@ def stroke(p: Record, y: float) -> tuple[float, float]:
     """Of a cylinder [m] from the middle of its way, and its change with the position [m/unit]."""
     if p.cylinder_arm == 0.0:
         return y, 1.0
-    base, arm, length = p.cylinder_base, p.cylinder_arm, p.cylinder_length
-    at_zero = math.acos((base * base + arm * arm - length * length) / (2.0 * base * arm))
-    cosine, sine = math.cos(at_zero + y), math.sin(at_zero + y)
-    now = math.sqrt(base * base + arm * arm - 2.0 * base * arm * cosine)
-    return now - length, base * arm * sine / now
+    angle, both = p.crank_angle + y, p.cylinder_base * p.cylinder_arm
+    now = math.sqrt(p.crank_square - 2.0 * both * math.cos(angle))
+    return now - p.cylinder_length, both * math.sin(angle) / now
 
 
 @inlined
@@ -169,7 +167,12 @@ def seen(p: Record, y: float, w: float) -> float:
 @inlined
 def drive(p: Record, s: Record, t: float, z: tuple[float, ...]) -> float:
     """Force that would accelerate the first inertia but for dry friction: pressures, load, second inertia."""
-    lever = 1.0 if p.rotary != 0.0 else stroke(p, z[Y])[1]
+    return drive_by(p, s, t, z, 1.0 if p.rotary != 0.0 else stroke(p, z[Y])[1])
+
+
+@inlined
+def drive_by(p: Record, s: Record, t: float, z: tuple[float, ...], lever: float) -> float:
+    """`drive` where the lever [m/unit] is known."""
     found = lever * (p.area_a * z[PA] - p.area_b * z[PB]) - p.load_viscous * z[W] - force(p, s, t, z[Y])
     if p.load_second > 0.0:
         found -= p.load_inertia * p.load_second / (1.0 + p.load_second) * _pull(p, z)
@@ -214,7 +217,11 @@ def rates(p: Record, s: Record, t: float, z: tuple[float, ...]) -> tuple[float, 
         dpb = 0.0
     dw = 0.0
     if s.motion != 0.0:
-        dw = (1.0 + p.load_second) / p.load_inertia * (drive(p, s, t, z) - s.motion * friction_level(p, w))
+        dw = (
+            (1.0 + p.load_second)
+            / p.load_inertia
+            * (drive_by(p, s, t, z, lever) - s.motion * friction_level(p, w))
+        )
     dw2, dy2 = 0.0, 0.0
     if p.load_second > 0.0:
         dw2, dy2 = _pull(p, z), z[W2]

@@ -27,6 +27,8 @@ DERIVED = (
     "conductance",  # [m^3/s/V/Pa^0.5] of one orifice
     "clearance",  # [V] opening that each orifice always has
     "minus_inverse_polytropic",  # [1]
+    "crank_angle",  # [rad] of a cylinder's crank at position 0
+    "crank_square",  # [m^2] base^2 + arm^2
     "stop_low",  # [unit]
     "stop_high",
     "measures_speed",  # 1: the sensor sees speed
@@ -165,11 +167,17 @@ def _derived(hydraulic: Hydraulic, v: Values) -> Values:
         "rotary": float("motor" in hydraulic),
         "conductance": opening / math.sqrt(0.5 * v["valve_rated_drop"]),
         "clearance": v["valve_leakage"] / opening,
+        "crank_angle": 0.0,
+        "crank_square": 0.0,
     }
     if "motor" in hydraulic:
         found |= dict.fromkeys(("area_a", "area_b"), v["motor_displacement"])
         found |= dict.fromkeys(("volume_a", "volume_b"), v["motor_volume"])
         return found
+    if v["cylinder_arm"] > 0.0:
+        base, arm, length = v["cylinder_base"], v["cylinder_arm"], v["cylinder_length"]
+        found["crank_square"] = base * base + arm * arm
+        found["crank_angle"] = math.acos((found["crank_square"] - length * length) / (2.0 * base * arm))
     piston = 0.25 * math.pi * v["cylinder_piston"] ** 2
     ring = piston - 0.25 * math.pi * v["cylinder_rod"] ** 2
     return found | {
