@@ -16,6 +16,7 @@ from seod.commands import (  # noqa: F401 - they register themselves
     over_tcp,
     paper,
     recordings,
+    report,
     response,
     simulate,
 )

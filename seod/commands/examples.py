@@ -43,6 +43,10 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
     "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
+    "report": (
+        "seod report motor --since 2026-11-01 --archive recordings --out motor.html",
+        "seod report motor --config rig.yaml --response bode.json --limit omega_n=100: --out motor.pdf",
+    ),
     "scrub": ("seod scrub run.mcap",),
     "paper": ("seod paper --out paper", "seod paper --figure 11 --figure exponent"),
 }

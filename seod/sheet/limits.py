@@ -1,4 +1,4 @@
-"""The rules that steer a sheet: what an alarm is, what a mean of several estimates is. Each with its reason."""
+"""The numbers that steer a sheet, each with its reason: what counts, what is an alarm, how much is shown."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FAULTS: Final = 50
 """Most rows of these tables, the newest; the sheet says how many there are. More make no sheet but a log."""
 
 SETTLED: Final = 0.05
-"""Band about the final speed within which a step response has settled, in parts of it; chosen: usual in data sheets."""
+"""Band about the final speed within which a step response has settled, in parts of it; chosen, as many do."""
 RISE: Final = (0.1, 0.9)
 """Parts of the final speed between which the rise time is counted; the usual ones."""
 
@@ -52,5 +52,5 @@ def parse_limit(text: str) -> Limit:
     except ValueError:
         limit = Limit(axis, name, 0.0, 0.0)
     if not equals or not colon or not limit.low < limit.high:
-        raise ValueError(f"--limit {text}: must read like zeta=0.1:0.3, the lower end first; an end may be empty")
+        raise ValueError(f"--limit {text}: must read like zeta=0.1:0.3, lower end first; one may be empty")
     return limit

@@ -6,7 +6,6 @@ import json
 import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,12 +16,16 @@ from seod.sheet.segments import SheetError
 from seod.sheet.trend import pooled
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
+FITTED: Final = ("K_L", "omega_n", "zeta", "delay")
 REFERENCE_BAND: Final = 2.0
-"""The gain at low frequency is that of the lowest octave: of a band that begins at a 20th of omega_n it is flat there to 1 %."""
+"""The gain at low frequency is the mean of points up to so many times the lowest one: a band that begins at
+a 20th of omega_n is flat there to 1 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +77,8 @@ def read_response(path: Path) -> Measured:
         raise SheetError(f"{path}: {why}")
     try:
         told = json.loads(path.read_bytes())
-        points = {name: np.array([p[name] for p in told["points"]]) for name in ("omega", "real", "imag", "sd")}
+        names = ("omega", "real", "imag", "sd")
+        points = {name: np.array([point[name] for point in told["points"]]) for name in names}
         made = _measured(path, told, points)
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise SheetError(f"{path}: is no answer of `seod response --json`: {error!r}") from error
@@ -103,7 +107,9 @@ def _measured(path: Path, told: Any, points: dict[str, Array]) -> Measured:
         decibel=(20.0 * np.log10(np.abs(G) / gain.value), 20.0 / math.log(10.0) * relative),
         degrees=(phase, np.degrees(sd / np.abs(G))),
         gain=gain,
-        fit={name: measured(each["value"], each["sd"], math.inf) for name, each in told["fit"].items() if isinstance(each, dict)},
+        fit={
+            name: measured(told["fit"][name]["value"], told["fit"][name]["sd"], math.inf) for name in FITTED
+        },
     )
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MINUS_3_DB: Final = 10.0 ** (-3.0 / 20.0)
 _STEPS: Final = 101
-"""Equally probable values of zeta, and of omega_n, that intervals are made of: enough for three digits of an end."""
+"""Equally probable values of zeta, and of omega_n, of which intervals are made: three digits of an end."""
 _DOUBLE: Final = 1e-6
 """Distance of zeta from 1 within which both poles count as one: the difference would be lost to rounding."""
 _LEAST: Final = 1e-3
@@ -77,7 +77,7 @@ def settling_time(zeta: float) -> float:
     if zeta >= 1.0 - _DOUBLE:
         return float(brentq(lambda x: missing(zeta, x) - SETTLED, 0.0, 8.0 * zeta))
     to_peak = _peak(zeta)
-    turns = max(1, math.ceil(-math.log(SETTLED) / (zeta * to_peak)))  # the first turning point within the band
+    turns = max(1, math.ceil(-math.log(SETTLED) / (zeta * to_peak)))  # until one is within the band
     before, at = (turns - 1) * to_peak, turns * to_peak
     edge = math.copysign(SETTLED, missing(zeta, before))
     return float(brentq(lambda x: missing(zeta, x) - edge, before, at))
@@ -91,7 +91,8 @@ def propagated(of: Callable[[float], float], zeta: Value, omega_n: Value, power:
 
     Args:
         of: A function of zeta.
-        zeta, omega_n: Values with intervals.
+        zeta: With its interval.
+        omega_n: With its interval.
         power: Of omega_n: 1 for a frequency, -1 for a time, 0 for neither.
     """
     normal = ndtri((np.arange(_STEPS) + 0.5) / _STEPS)

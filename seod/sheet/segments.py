@@ -1,4 +1,4 @@
-"""Rows of an archive's catalogue as they are needed here: one for each segment of one axis of one recording."""
+"""Rows of an archive's catalogue as a sheet needs them: one for each segment of an axis of a recording."""
 
 from __future__ import annotations
 

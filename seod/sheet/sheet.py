@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Hours(NamedTuple):
-    """Of an axis [h]: recorded and excited in the period, excited in the whole archive; rows that are lost."""
+    """Of an axis [h]: recorded and excited in the period, excited in the whole archive; rows lost."""
 
     recorded: float
     excited: float
@@ -134,7 +134,7 @@ def made_of(
         responses: Frequency responses by axis.
 
     Raises:
-        SheetError: Nothing was recorded in the period, or a limit or response is of an axis that is not there.
+        SheetError: Nothing was recorded in the period, or an option is of an axis that is not there.
     """
     within = of_period(found, asked.period)
     if not within:

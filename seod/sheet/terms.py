@@ -1,4 +1,4 @@
-"""The quantities of ISO 10770-1, from what was measured; what was not says so, and which command measures it."""
+"""The quantities of ISO 10770-1 from what was measured; what was not says so, and which command does it."""
 
 from __future__ import annotations
 
@@ -67,12 +67,11 @@ class Known(NamedTuple):
 HYSTERESIS, OVERLAP = "valve_hysteresis", "valve_deadband"
 """Causes whose parameter `half_width` is half a quantity of the standard."""
 SHOWS: Final = (
-    "seod diagnose finds it in a recording with many levels of command, such as a sweep; a relay's two levels hide it"
+    "seod diagnose finds it in a recording with many levels of command; a relay's two levels hide it"
 )
 CALIBRATE: Final = "seod calibrate RIG.yaml measures it"
 RESPOND: Final = "seod response --config RIG.yaml --json > FILE measures it; give that as --response FILE"
-EXCITE: Final = "seod run RIG.yaml --start --record FILE.mcap measures zeta and omega_n, from which it is calculated"
-MODEL: Final = "of G_L from voltage to speed, of second order, without the loop's delay"
+EXCITE: Final = "it is calculated from zeta and omega_n: seod run RIG.yaml --start --record FILE.mcap"
 
 
 def terms(known: Known) -> list[Term]:
@@ -103,7 +102,7 @@ def _flow_gain(known: Known) -> Iterator[Term]:
         yield _of(told, each.gain, known.gain_unit, "measured", source)
         empty = False
     if days := known.trends["K_L"].days:
-        source = f"K_L of {days[-1].day}, mean of {days[-1].count} estimates by two phases"
+        source = f"K_L of {days[-1].day}, mean of {days[-1].estimates} estimates by two phases"
         yield _of(told, days[-1].mean, known.gain_unit, "measured", source)
         empty = False
     if empty:
@@ -111,7 +110,7 @@ def _flow_gain(known: Known) -> Iterator[Term]:
 
 
 def _width(known: Known, cause: str, term: str, *, asked: bool = True) -> Iterator[Term]:
-    """Twice the half width that the newest diagnosis with this cause found; `asked`: tell where there is none."""
+    """Twice the half width of the newest diagnosis with this cause; `asked`: tell where there is none."""
     for segment in reversed(known.diagnosed):
         for each in segment.causes:
             if each.name != cause:
@@ -129,18 +128,17 @@ def _width(known: Known, cause: str, term: str, *, asked: bool = True) -> Iterat
 
 
 def _threshold(known: Known) -> Iterator[Term]:
-    """The staircase of a calibration bounds it: the command that moves one way, less the one that moves the other."""
+    """The staircase of a calibration bounds it: the command that moves one way, less that of the other."""
     edges = known.calibration.edges if known.calibration else {}
     if "deadband_up" not in edges or "deadband_down" not in edges:
         yield _none("threshold", known.command_unit, f"a bound of it: {CALIBRATE}")
         return
     up, down = edges["deadband_up"], edges["deadband_down"]
     most = up[1] - down[0]
-    source = (
-        f"{_calibrated(known)}: from moving one way to moving the other about null, overlap and stiction included"
-    )
+    method = "from moving one way to moving the other about null, overlap and stiction included"
+    source = f"{_calibrated(known)}: {method}"
     wide = (max(0.0, up[0] - down[1]), most)
-    yield Term("threshold, reversal at null", most, known.command_unit, wide, "measured", source, at_most=True)
+    yield Term("threshold, at null", most, known.command_unit, wide, "measured", source, at_most=True)
 
 
 def _null_bias(known: Known) -> Term:
@@ -162,12 +160,14 @@ def _plants(known: Known) -> Iterator[_Plant]:
     both = [each for each in known.trends["omega_n"].days if each.day in zeta]
     if both:
         last = both[-1]
-        source = f"zeta, omega_n of {last.day}, means of {last.count} estimates in limit cycles"
+        source = f"zeta and omega_n of {last.day}, means of {last.estimates} estimates in limit cycles"
         yield _Plant(zeta[last.day].mean, last.mean, source)
         return
     for each in known.responses:
         if {"zeta", "omega_n"} <= each.fit.keys():
-            yield _Plant(each.fit["zeta"], each.fit["omega_n"], f"zeta, omega_n fitted to {_response(each)}")
+            yield _Plant(
+                each.fit["zeta"], each.fit["omega_n"], f"zeta and omega_n fitted to {_response(each)}"
+            )
 
 
 def _frequency(known: Known, at: Literal["-3 dB", "-90 deg"]) -> Iterator[Term]:
@@ -184,8 +184,8 @@ def _frequency(known: Known, at: Literal["-3 dB", "-90 deg"]) -> Iterator[Term]:
         yield _of(term, value, "Hz", "measured", f"{_response(each)}: points, from voltage to speed")
     of = second_order.bandwidth if at == "-3 dB" else second_order.phase_90
     for plant in _plants(known):
-        value = second_order.propagated(lambda z, of=of: of(z) / math.tau, plant.zeta, plant.omega_n, 1)
-        yield _of(term, value, "Hz", "calculated", f"{plant.source}: {MODEL}")
+        value = second_order.propagated(of, plant.zeta, _hertz(plant.omega_n), 1)
+        yield _of(term, value, "Hz", "calculated", f"from {plant.source}")
         measured = True
     if not measured:
         yield _none(term, "Hz", RESPOND)
@@ -204,9 +204,14 @@ def _step(known: Known) -> Iterator[Term]:
         term = f"step response, {name}"
         for plant in plants:
             value = second_order.propagated(of, plant.zeta, plant.omega_n, power)
-            yield _of(term, value, unit, "calculated", f"{plant.source}: {MODEL}")
+            yield _of(term, value, unit, "calculated", f"from {plant.source}")
         if not plants:
             yield _none(term, unit, EXCITE)
+
+
+def _hertz(omega: Value) -> Value:
+    low, high = omega.interval
+    return Value(omega.value / math.tau, omega.sd / math.tau, (low / math.tau, high / math.tau))
 
 
 def _of(term: str, value: Value, unit: str, how: How, source: str) -> Term:

@@ -34,7 +34,7 @@ class Day(NamedTuple):
 
     day: date
     mean: Value
-    count: int
+    estimates: int
     alarm: bool
 
 
@@ -44,7 +44,7 @@ class Reference(NamedTuple):
     first: date
     last: date
     mean: Value
-    count: int
+    estimates: int
 
 
 @dataclass(frozen=True, slots=True)

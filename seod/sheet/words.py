@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from seod.sheet.trend import Trend
 
 SCOPE = (
-    "Terms are those of ISO 10770-1, which tests a valve by itself on a bench. Here the valve moves its actuator and "
-    "load: each figure is of them together, under the rig's own pressure and temperature. Frequency and step "
-    "response are those from voltage to speed; to a position they end in an integrator, which has no -3 dB."
+    "Terms are those of ISO 10770-1, which tests a valve by itself on a bench. Here the valve moves its "
+    "actuator and load: each figure is of them together, under the rig's own pressure and temperature. "
+    "Frequency and step response are from voltage to speed (to a position they end in an integrator, which "
+    "has no -3 dB). What is calculated is of the second-order G_L(s) of zeta and omega_n, taken as "
+    "independent, without the loop's delay."
 )
 
 
@@ -64,7 +66,8 @@ def drift_of(trend: Trend) -> str:
     low, high = (100.0 * each for each in trend.drift.interval)
     wide = 0.5 * (high - low)
     value = 100.0 * trend.drift.value
-    return f"{'+' if value > 0.0 else ''}{rounded(value, wide)} % ({rounded(low, wide)} to {rounded(high, wide)})"
+    sign = "+" if value > 0.0 else ""
+    return f"{sign}{rounded(value, wide)} % ({rounded(low, wide)} to {rounded(high, wide)})"
 
 
 def allowed(trend: Trend) -> str:
@@ -94,13 +97,14 @@ def is_fine(sheet: Sheet) -> bool:
     )
 
 
-def causes(found: Sequence[Cause], axis: AxisSheet) -> Iterator[str]:
-    """Each cause with its parameters, in the diagnosis' own words."""
+def causes(found: Sequence[Cause], axis: AxisSheet, *, meanings: bool = True) -> Iterator[str]:
+    """Each cause with its parameters and, unless that was said, its meaning in the diagnosis' own words."""
     units = Units.of(axis.unit, "velocity" if axis.unit.endswith("/s") else "position")
     effects = {each.name: {name: one.value for name, one in each.parameters.items()} for each in found}
     for each in found:
         numbers = ", ".join(f"{name} {_number(one, units)}" for name, one in each.parameters.items())
-        yield f"{each.name} ({numbers}): {_meaning(each.name, effects)}" if numbers else each.name
+        name = f"{each.name} ({numbers})" if numbers else each.name
+        yield f"{name}: {_meaning(each.name, effects)}" if meanings else name
 
 
 def _meaning(name: str, effects: dict[str, dict[str, float]]) -> str:
