@@ -8,7 +8,6 @@ import json
 import os
 from datetime import date, datetime
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from seod.archive.engines import ArchiveError
@@ -18,6 +17,7 @@ from seod.terminal.text import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 FORMATS: Final = ("csv", "parquet", "html", "json")
 DIGITS: Final = 5

@@ -11,21 +11,23 @@ from seod.archive.questions import UNITS
 from seod.plots.style import ORDER, new_figure, style
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from matplotlib.figure import Figure
 
 MOST: Final = 5
 """Axes in one picture: as many colours can be told apart."""
 
 
-def draw(points: Any, quantity: str) -> Figure:
+def draw(points: Sequence[Mapping[str, Any]], quantity: str) -> Figure:
     """Values over time with 95 % intervals, an axis a colour; of many axes the first `MOST`, which is said.
 
     Args:
-        points: Table of `seod.archive.questions.points`.
+        points: Rows of `seod.archive.questions.points`.
         quantity: Its name.
     """
-    lines: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for row in points.to_pylist():
+    lines: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    for row in points:
         lines[f"{row['rig']}, {row['axis']}"].append(row)
     with style():
         figure = new_figure(8.0, 3.6)

@@ -71,42 +71,43 @@ WITH named AS (
   SELECT name, rig, axis, file, min("begin") AS "begin", any_value(parameters) AS parameters
   FROM named GROUP BY name, rig, axis, file
 )
-SELECT name AS cause, count(DISTINCT rig) AS rigs, count(*) AS recordings, min("begin") AS first, max("begin") AS last,
+SELECT name AS cause, count(DISTINCT rig) AS rigs, count(*) AS recordings,
+  min("begin") AS first, max("begin") AS last,
   arg_max(rig, ("begin", rig)) AS "last rig", arg_max(parameters, ("begin", rig))::VARCHAR AS "its parameters"
 FROM files GROUP BY name ORDER BY rigs DESC, recordings DESC, cause
 """
 
 COMPARE: Final = """
 WITH used AS (
-  SELECT rig, axis, quality, zeta, omega_n, K_L, supply_pressure, temperature, e_a, model_error
-  FROM segments WHERE rig IN ($rig, $other) AND ($since IS NULL OR "end" >= $since) AND exciting_s > 0
+  SELECT rig, axis,
+    CASE WHEN quality = 'ok' THEN zeta END AS zeta,
+    CASE WHEN quality = 'ok' THEN omega_n END AS "omega_n [rad/s]",
+    CASE WHEN quality = 'ok' THEN K_L END AS "K_L [SI/V]",
+    100 * model_error AS "model error [%]",
+    supply_pressure AS "supply pressure [Pa]",
+    temperature AS "temperature [K]",
+    e_a AS "e_a [V]"
+  FROM segments
+  WHERE rig IN ($rig, $other) AND ($since IS NULL OR "end" >= $since) AND exciting_s > 0
 ), long AS (
-  {long}
+  UNPIVOT used ON COLUMNS(* EXCLUDE (rig, axis)) INTO NAME quantity VALUE value
 ), sides AS (
-  SELECT place, quantity, axis,
+  SELECT axis, quantity,
     count(value) FILTER (rig = $rig) AS n1, avg(value) FILTER (rig = $rig) AS m1,
     stddev_samp(value) FILTER (rig = $rig) AS s1,
     count(value) FILTER (rig = $other) AS n2, avg(value) FILTER (rig = $other) AS m2,
     stddev_samp(value) FILTER (rig = $other) AS s2
-  FROM long GROUP BY place, quantity, axis
+  FROM long GROUP BY axis, quantity
 )
 SELECT axis, quantity, n1 AS "segments of {rig}", m1 AS "{rig}", s1 AS "sd of {rig}",
   n2 AS "segments of {other}", m2 AS "{other}", s2 AS "sd of {other}", m2 - m1 AS difference,
-  (m2 - m1) / nullif(sqrt(coalesce(s1 * s1 / n1, 0) + coalesce(s2 * s2 / n2, 0)), 0) AS "in its sd"
-FROM sides WHERE n1 + n2 > 0 ORDER BY axis, place
+  (m2 - m1) / nullif(sqrt(s1 * s1 / n1 + s2 * s2 / n2), 0) AS "in its sd"
+FROM sides ORDER BY axis, list_position(
+  ['zeta', 'omega_n [rad/s]', 'K_L [SI/V]', 'model error [%]', 'supply pressure [Pa]', 'temperature [K]',
+   'e_a [V]'],
+  quantity)
 """
-"""Means over segments of two rigs; the difference also in standard deviations of the difference of the means."""
-
-_COMPARED: Final = (
-    ("zeta", "zeta", True),
-    ("omega_n [rad/s]", "omega_n", True),
-    ("K_L [SI/V]", "K_L", True),
-    ("supply pressure [Pa]", "supply_pressure", False),
-    ("temperature [K]", "temperature", False),
-    ("e_a [V]", "e_a", False),
-    ("model error", "model_error", False),
-)
-"""Heading, column, whether only estimates of quality `ok` count."""
+"""Means over segments of two rigs; their difference, also in its own standard deviations."""
 
 
 def trend(where: str | os.PathLike[str], quantity: str, rig: str | None, since: datetime | None) -> Any:
@@ -155,7 +156,7 @@ def causes(where: str | os.PathLike[str], rig: str | None, since: datetime | Non
 
 
 def compare(where: str | os.PathLike[str], rig: str, other: str, since: datetime | None) -> Any:
-    """Means of two rigs side by side.
+    """Means of two rigs side by side, over segments in which they were excited.
 
     Raises:
         ArchiveError: As of `ask`; a rig is not in the catalogue.
@@ -165,13 +166,8 @@ def compare(where: str | os.PathLike[str], rig: str, other: str, since: datetime
         if name not in known:
             near = ", ".join(sorted(known)[:5])
             raise ArchiveError(f"no recording of rig {name!r} is in the catalogue; there are {near} ...")
-    long = " UNION ALL ".join(
-        f"SELECT {place} AS place, '{heading}' AS quantity, axis, rig, {column} AS value FROM used"
-        + (" WHERE quality = 'ok'" if is_estimate else "")
-        for place, (heading, column, is_estimate) in enumerate(_COMPARED)
-    )
     names = {"rig": _heading(rig), "other": _heading(other if other != rig else f"{other} again")}
-    return ask(where, COMPARE.format(long=long, **names), {"rig": rig, "other": other, "since": since})
+    return ask(where, COMPARE.format(**names), {"rig": rig, "other": other, "since": since})
 
 
 def _heading(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any, Final
 
 from seod.archive.catalogue import dataset
@@ -10,7 +11,6 @@ from seod.archive.store import Store
 from seod.files.damage import said
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Mapping
 
 VIEW: Final = "segments"
