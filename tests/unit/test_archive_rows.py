@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from datetime import date, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,3 +129,9 @@ def test_the_layout_has_each_column_once_with_its_meaning():
     assert schema().names == list(COLUMNS)
     assert all(column.means for column in COLUMNS.values())
     assert np.unique(list(COLUMNS)).size == len(COLUMNS)
+
+
+def test_the_page_tells_each_column():
+    page = (Path(__file__).parents[2] / "docs" / "archive.md").read_text()
+    for name, column in COLUMNS.items():
+        assert f"| `{name}` | {column.unit} | {column.means} |\n" in page
