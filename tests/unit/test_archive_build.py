@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 
 import duckdb
 import pytest
-from archive_recordings import BEGAN, catalogue_of, estimate, fill, recording, report, ticks
+from archive_recordings import BEGAN, CLOCK, catalogue_of, estimate, fill, recording, report, ticks
 
+from seod.api import diagnoses, identification
 from seod.archive import build as build_module
 from seod.archive import catalogue, lock
 from seod.archive.build import build
+from seod.archive.diagnosing import diagnose_left
 from seod.archive.engines import ArchiveError, engine
 from seod.archive.layout import FOLDER, LONGEST_S
 from seod.archive.store import Store
@@ -264,3 +267,47 @@ def test_other_engines_read_the_files_as_they_are(folder):
         found = connection.fetchone()
     assert (found[0], str(found[1])) == (36, "2026-03-01")
     assert LONGEST_S > 0
+
+
+class Answered:
+    """An answer of the diagnosis."""
+
+    def to_dict(self):
+        return json.loads(report("backlash"))
+
+
+def test_what_has_left_its_model_is_diagnosed_once(folder, monkeypatch):
+    asked = []
+
+    def diagnose(path, axis, effort):
+        asked.append((path.name, axis, effort))
+        if path.name == "2.mcap":
+            raise ValueError("tells nothing")
+        return Answered()
+
+    monkeypatch.setattr(diagnoses, "diagnose", diagnose)
+    build(folder)
+    assert diagnose_left(folder, lambda _step, _part: None) == {"rig1/2.mcap": "tells nothing"}
+    assert asked == [("1.mcap", "motor", "quick"), ("2.mcap", "motor", "quick")]
+    assert build(folder).read == 1
+    assert "backlash" in column(folder, "causes", file="rig1/1.mcap")[0]
+    diagnose_left(folder, lambda _step, _part: None)
+    assert len(asked) == 3  # the one that told nothing is asked again
+
+
+def test_an_excited_segment_without_an_estimate_is_identified(tmp_path, monkeypatch):
+    asked = []
+
+    def identify(path, axis, between, output):
+        asked.append((path.name, axis, between, output))
+        raise ValueError("tells nothing")
+
+    monkeypatch.setattr(identification, "identify", identify)
+    (tmp_path / "a.mcap").write_bytes(recording(rows=ticks("--" + 15 * "X" + "-XXX")))
+    (tmp_path / "b.mcap").write_bytes(recording(rows=ticks(20 * "X"), notes=[estimate(0.5, "noisy")]))
+    build(tmp_path)
+    ((name, axis, between, output),) = asked  # one has an estimate, one is too short
+    assert (name, axis, output) == ("a.mcap", "motor", "position")
+    assert between == pytest.approx((CLOCK + 0.2, CLOCK + 1.6))
+    assert column(tmp_path, "quality", file="a.mcap", part=2) == ["no_oscillation"]
+    assert column(tmp_path, "quality", file="a.mcap", part=1) == [None]
