@@ -25,4 +25,6 @@ def to_bytes(table: Any) -> bytes:
 
 def from_bytes(content: bytes, columns: Sequence[str] | None = None) -> Any:
     """The table (`pyarrow.Table`); of all columns, or of some."""
-    return engine("pyarrow.parquet").read_table(io.BytesIO(content), columns=columns)
+    return engine("pyarrow.parquet").read_table(
+        io.BytesIO(content), columns=None if columns is None else list(columns)
+    )

@@ -6,7 +6,7 @@ import json
 from datetime import UTC, datetime, timedelta
 from typing import IO, TYPE_CHECKING, Any, Final
 
-from mcap.records import Attachment, Channel, Chunk, Metadata
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
 
 from seod.archive.segments import Note, Segments
 from seod.files.damage import DamagedError, plain
@@ -49,6 +49,8 @@ class Content:
         self._rig = "{}"
         try:
             for record in records(file, size):
+                if isinstance(record, DataEnd):
+                    break
                 self._take(record)
         except (DamagedError, RecordingError) as error:
             self.problems.append(str(error).removeprefix(f"{name}: "))

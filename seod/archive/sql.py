@@ -43,6 +43,15 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
             found = connection.sql(sql, params=dict(parameters) if parameters else None)
             return pa.table({}) if found is None else pa.table(found)
         except duckdb.Error as error:
-            raise ArchiveError(str(error)) from error
+            raise ArchiveError(_with_place(connection, sql, parameters) or str(error)) from error
         except pa.ArrowException as error:  # a day's file that is damaged
             raise ArchiveError(f"{os.fspath(where)}: the catalogue cannot be read: {said(error)}") from error
+
+
+def _with_place(connection: Any, sql: str, parameters: Mapping[str, Any] | None) -> str:
+    """What DuckDB says of a question that it has refused, with the line: a relation's errors are without."""
+    try:
+        connection.execute(sql, dict(parameters) if parameters else None)
+    except engine("duckdb").Error as error:
+        return str(error)
+    return ""
