@@ -14,6 +14,7 @@ from mkdocs.structure.files import File
 from typer.testing import CliRunner
 
 from seod.cli import app
+from seod.commands.common import names
 from sim.effects import EFFECTS
 
 REPO = Path(__file__).parents[1]
@@ -47,9 +48,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def commands() -> str:
     """Every command with its options, as `--help` tells them."""
     lines = ["# Commands", "", "Options that are numbers take a unit: `0.5`, `400 mV`, `4 ms`.", ""]
-    for command in app.registered_commands:
-        name = command.name or command.callback.__name__.rstrip("_")
-        text = CliRunner().invoke(app, [name, "--help"], prog_name="seod").stdout
+    for name in names():
+        text = CliRunner().invoke(app, [*name.split(), "--help"], prog_name="seod").stdout
         lines += [f"## seod {name}", "", "```text", text.strip(), "```", ""]
     return "\n".join(lines)
 

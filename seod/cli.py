@@ -9,6 +9,7 @@ import typer
 
 from seod import PROTOCOL, __version__, own_packages
 from seod.commands import (  # noqa: F401 - they register themselves
+    archive,
     begin,
     diagnose,
     identify,
@@ -16,6 +17,7 @@ from seod.commands import (  # noqa: F401 - they register themselves
     over_tcp,
     paper,
     recordings,
+    report,
     response,
     simulate,
 )

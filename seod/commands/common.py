@@ -57,7 +57,7 @@ class FiniteCommand(TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
-        name = self.name or ""
+        name = _words(ctx)
         for each in self.params:
             if each.metavar is None:
                 each.metavar = _PLAIN.get(getattr(getattr(each, "type_descriptor", None), "annotation", None))
@@ -81,7 +81,16 @@ class FiniteCommand(TyperCommand):
             formatter.write("\n" + self.epilog.replace("\n\n", "\n") + "\n")
 
 
-class _Group(TyperGroup):
+def _words(ctx: Any) -> str:
+    """A command's name, after those of the groups that it is in: `archive query`."""
+    words = []
+    while ctx.parent is not None:
+        words.append(ctx.info_name or "")
+        ctx = ctx.parent
+    return " ".join(reversed(words))
+
+
+class Group(TyperGroup):
     """All commands: help in colour on a terminal, plain errors everywhere."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -94,7 +103,7 @@ class _Group(TyperGroup):
         rich_utils.rich_format_help(obj=self, ctx=ctx, markup_mode="rich")
 
 
-class _App(typer.Typer):
+class App(typer.Typer):
     """Its commands are `FiniteCommand`."""
 
     def command(self, *args: Any, **kwargs: Any) -> Callable[[_Function], _Function]:
@@ -102,13 +111,25 @@ class _App(typer.Typer):
         return super().command(*args, **{"cls": FiniteCommand, **kwargs})
 
 
-app = _App(
+app = App(
     help="Live damping ratio and natural frequency of hydraulic servo actuators.",
-    cls=_Group,
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def names() -> list[str]:
+    """All commands, those of a group after its name: `archive query`."""
+    groups = [("", app), *((f"{group.name} ", group.typer_instance) for group in app.registered_groups)]
+    return [
+        before + (each.name or getattr(each.callback, "__name__", "").rstrip("_"))
+        for before, group in groups
+        if group is not None
+        for each in group.registered_commands
+    ]
+
 
 ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="Rig file.", show_default=False)]
 MOST_S = 1e9

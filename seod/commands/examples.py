@@ -43,7 +43,22 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
     "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
+    "report": (
+        "seod report motor --since 2026-11-01 --archive recordings --out motor.html",
+        "seod report motor --config rig.yaml --response bode.json --limit omega_n=100: --out motor.pdf",
+    ),
     "scrub": ("seod scrub run.mcap",),
+    "archive build": ("seod archive recordings", "seod archive s3://bench/2026 --workers 2 --diagnose"),
+    "archive query": (
+        "seod archive query recordings 'SELECT rig, max(omega_n) FROM segments GROUP BY rig' --out most.csv",
+    ),
+    "archive trend": ("seod archive trend recordings --quantity omega_n --rig bench7 --plot trend.svg",),
+    "archive left-model": (
+        "seod archive left-model recordings",
+        "seod archive left-model recordings --to csv",
+    ),
+    "archive causes": ("seod archive causes recordings --since 2026-01-01",),
+    "archive compare": ("seod archive compare recordings bench7 bench8 --plot both.svg",),
     "paper": ("seod paper --out paper", "seod paper --figure 11 --figure exponent"),
 }
 

@@ -59,13 +59,23 @@ def beginning(path: Path) -> Beginning:
         if isinstance(record, Attachment) and record.name == layout.RIG:
             rig = record.data.decode(errors="replace")
         if isinstance(record, Metadata) and record.name == layout.PROFILE:
-            return _begun(path, record.metadata, rig)
+            return begun(path, record.metadata, rig)
         if isinstance(record, Chunk):
             break
     raise RecordingError(f"{path}: is no recording of seod (`seod run --record FILE.mcap` makes one)")
 
 
-def _begun(path: Path, facts: dict[str, str], rig: str) -> Beginning:
+def begun(path: Path | str, facts: dict[str, str], rig: str) -> Beginning:
+    """What the metadata record and the rig file as it was read (JSON) say.
+
+    Args:
+        path: Of the file, for the message.
+        facts: The metadata record.
+        rig: The attachment.
+
+    Raises:
+        RecordingError: Something is missing, or no JSON.
+    """
     missing = {"axes", "started"} - facts.keys()
     if missing:
         raise RecordingError(f"{path}: its beginning is damaged: no {', '.join(sorted(missing))}")

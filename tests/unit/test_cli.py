@@ -172,6 +172,7 @@ def test_every_command_of_this_version_is_there():
             "export",
             "identify",
             "response",
+            "report",
             "init",
         }
         | over_tcp

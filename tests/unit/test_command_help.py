@@ -9,12 +9,12 @@ import shlex
 import pytest
 from test_cli import invoke
 
-from seod.cli import app
 from seod.client import UnreachableError
 from seod.client.nearby import Address, announce, find, running
+from seod.commands.common import names
 from seod.commands.examples import EXAMPLES
 
-NAMES = sorted(each.name or each.callback.__name__.rstrip("_") for each in app.registered_commands)
+NAMES = sorted(names())
 
 
 def test_every_command_has_an_example_and_no_other_has():
@@ -23,13 +23,13 @@ def test_every_command_has_an_example_and_no_other_has():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_examples_are_shown_and_name_options_that_there_are(name):
-    code, out, _ = invoke(name, "--help")
+    code, out, _ = invoke(*name.split(), "--help")
     assert code == 0
     options = set(re.findall(r"--[a-z][-a-z]*", out.partition("Examples:")[0]))
     for example in EXAMPLES[name]:
         assert f"  {example}\n" in out
         words = shlex.split(example.partition(" | ")[0])
-        assert name in words
+        assert set(name.split()) <= set(words) or name == "archive build"  # which may be left out
         assert {word for word in words if word.startswith("--")} <= options
     assert not re.search(r"<(str|int|float|path)", out.partition("Options:")[2])
 

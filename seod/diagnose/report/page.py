@@ -12,6 +12,8 @@ from seod.diagnose.report.over_time import errors, over_blocks, overlay, wholes
 from seod.diagnose.report.pictures import Pictures
 from seod.diagnose.report.tables import effects, figures, ranking
 from seod.diagnose.report.words import consequences, headline
+from seod.plots.page import facts as facts_list
+from seod.plots.page import whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -31,12 +33,7 @@ def page(d: Diagnosis, unit: str, sources: Sequence[str], facts: Sequence[tuple[
         facts: What is known of the run, such as its date: names and texts.
     """
     body = "".join(_sections(d, unit, sources, facts))
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Diagnosis of {escape(', '.join(sources))}</title><style>{_text('style.css')}</style>"
-        f"</head><body>{body}</body></html>\n"
-    )
+    return whole(f"Diagnosis of {', '.join(sources)}", body)
 
 
 def _sections(
@@ -44,7 +41,7 @@ def _sections(
 ) -> Iterator[str]:
     pictures = Pictures(d, unit)
     yield f"<h1>What the simulation gets wrong</h1><div class='sub'>{escape(', '.join(sources))}</div>"
-    yield _facts(facts)
+    yield facts_list(facts)
     yield f'<div class="verdict {d.verdict}">{escape(headline(d))}</div>'
     yield figures(d, unit)
     yield f"<ul>{''.join(f'<li>{escape(each)}</li>' for each in consequences(d, unit))}</ul>"
@@ -62,11 +59,6 @@ def _sections(
     if d.candidates:
         yield f"<h2>All causes that were tried</h2>{ranking(d)}"
     yield f"<h2>How to read this page</h2><p class='sub'>{_text('how_to_read.txt')}</p>"
-
-
-def _facts(facts: Sequence[tuple[str, str]]) -> str:
-    told = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in facts)
-    return f"<dl>{told}</dl>" if told else ""
 
 
 def _pair(pictures: Iterable[str]) -> str:

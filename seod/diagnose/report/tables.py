@@ -8,20 +8,13 @@ from typing import TYPE_CHECKING
 
 from seod.diagnose.report.units import Units
 from seod.diagnose.report.words import free_run, free_run_names, interval, of_record, percent, what_it_is
+from seod.plots.page import table
 from seod.terminal.text import number, with_sd
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from seod.diagnose.result import Diagnosis, FoundEffect, Score
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "") -> str:
-    """HTML of cells that are escaped already."""
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    rows = f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody>"
-    return f'<div class="scroll"><table class="{kind}">{rows}</table></div>'
 
 
 def figures(d: Diagnosis, unit: str) -> str:

@@ -1,0 +1,57 @@
+"""Questions in SQL: DuckDB sees the catalogue as the view `segments`, and nothing else of this machine."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Final
+
+from seod.archive.catalogue import dataset
+from seod.archive.engines import ArchiveError, engine
+from seod.archive.store import Store
+from seod.files.damage import said
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+VIEW: Final = "segments"
+_CLOSED: Final = (
+    "SET TimeZone='UTC'",
+    "SET enable_external_access=false",
+    "SET lock_configuration=true",
+)
+"""After these a statement reads and writes no file, loads nothing, and cannot undo that."""
+
+
+def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] | None = None) -> Any:
+    """The answer to a question, as a `pyarrow.Table`; of several statements that of the last.
+
+    Args:
+        where: The archive: a folder or a URL.
+        sql: Of DuckDB's dialect; the rows are in `segments` (columns: `seod.archive.layout`).
+        parameters: Values of `$name` in it.
+
+    Raises:
+        ArchiveError: There is no catalogue, or DuckDB refuses the question: its own words, with the place.
+    """
+    duckdb, pa = engine("duckdb"), engine("pyarrow")
+    rows = dataset(Store(where))
+    with duckdb.connect(":memory:") as connection:
+        connection.register(VIEW, rows)
+        for statement in _CLOSED:
+            connection.execute(statement)
+        try:
+            found = connection.sql(sql, params=dict(parameters) if parameters else None)
+            return pa.table({}) if found is None else pa.table(found)
+        except duckdb.Error as error:
+            raise ArchiveError(_with_place(connection, sql, parameters) or str(error)) from error
+        except pa.ArrowException as error:  # a day's file that is damaged
+            raise ArchiveError(f"{os.fspath(where)}: the catalogue cannot be read: {said(error)}") from error
+
+
+def _with_place(connection: Any, sql: str, parameters: Mapping[str, Any] | None) -> str:
+    """What DuckDB says of a question that it has refused, with the line: a relation's errors are without."""
+    try:
+        connection.execute(sql, dict(parameters) if parameters else None)
+    except engine("duckdb").Error as error:
+        return str(error)
+    return ""

@@ -1,0 +1,1 @@
+"""The sheet that a test department files: what an archive tells of one rig, in the standard's terms."""
