@@ -9,6 +9,8 @@ BIN := .venv/bin
 # several threads of a linear algebra library wait for each other longer than they compute
 export OPENBLAS_NUM_THREADS := 1
 READY := .venv/ready
+# what the daemon needs and no more: a first try takes a minute, not the checks' five
+RUNS := .venv/runs
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
 # a wheel is the same bytes whoever builds it, whenever
@@ -17,7 +19,7 @@ export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 
 .PHONY: install rollback uninstall wheelhouse branches audit sbom release
 .PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
 
-run: $(READY)
+run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
 test: lint docs
@@ -123,15 +125,19 @@ lock: $(READY)
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes \
 		--no-header --no-annotate -c requirements.lock pyproject.toml -o requirements-run.lock
 
-$(READY): requirements.lock pyproject.toml
+$(RUNS): requirements-run.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "seod needs Python 3.11 or later: apt-get install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { \
 		package=$$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'); \
 		test "$$(id -u)" = 0 || { echo "seod needs Python's venv module: sudo apt-get install $$package"; exit 1; }; \
 		apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$package; }
 	$(PYTHON) -m venv .venv
+	$(PIP) install -r requirements-run.lock
+	$(PIP) install --no-deps -e .
+	@touch $@
+
+$(READY): requirements.lock $(RUNS)
 	$(PIP) install -r requirements.lock
-	$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@
 
 clean:
