@@ -11,6 +11,7 @@ from seod import PROTOCOL, __version__, own_packages
 from seod.commands import (  # noqa: F401 - they register themselves
     begin,
     diagnose,
+    fleet,
     identify,
     on_rig,
     over_tcp,

@@ -44,6 +44,10 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
     "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
     "scrub": ("seod scrub run.mcap",),
+    "fleet": (
+        "seod fleet --broker broker.plant:8883 --tls ca.pem",
+        "seod fleet --broker localhost --archive DIR",
+    ),
     "paper": ("seod paper --out paper", "seod paper --figure 11 --figure exponent"),
 }
 
@@ -78,7 +82,17 @@ PANELS: Final[dict[str, tuple[str, ...]]] = {
     ),
     "Search": ("method", "effort", "relevance"),
     "Answer": ("as_json", "plot", "out", "to", "force"),
-    "Connection": ("host", "port", "rig_name", "token", "token_file", "tls"),
+    "Connection": (
+        "host",
+        "port",
+        "rig_name",
+        "token",
+        "token_file",
+        "tls",
+        "broker",
+        "user",
+        "password_file",
+    ),
 }
 """Groups of options, in the order in which `--help` shows them."""
 

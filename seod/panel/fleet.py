@@ -1,0 +1,45 @@
+"""The fleet as the panel shows it: all rigs at the rig file's broker."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import TYPE_CHECKING, Any
+
+from seod.fleet.board import Board
+from seod.fleet.broker import BrokerError, broker_of, need_library
+
+if TYPE_CHECKING:
+    from seod.config.mqtt import MqttConfig
+
+
+class FleetView:
+    """Listens to all rigs.
+
+    Args:
+        rig: Our own, for the name at the broker.
+        mqtt: The rig file's section.
+    """
+
+    def __init__(self, rig: str, mqtt: MqttConfig) -> None:
+        self._rig, self._mqtt = rig, mqtt
+        self._board = Board()
+        self._said = "the broker has not answered yet"
+
+    async def run(self) -> None:
+        """Until cancelled, or until it is clear that there is no way."""
+        try:
+            need_library()
+            from seod.fleet.listener import Listener  # noqa: PLC0415 - an extra
+
+            identity = f"seod-panel-{self._rig}-{os.getpid()}"
+            await Listener(broker_of(self._mqtt), identity, self._board, told=self._say).run()
+        except BrokerError as error:
+            self._say(str(error))
+
+    def _say(self, sentence: str) -> None:
+        self._said = sentence
+
+    def answer(self) -> dict[str, Any]:
+        """For the page: a row for each axis of each rig, and how it goes with the broker."""
+        return {"broker": self._said, "rows": self._board.rows(time.monotonic())}
