@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from seod.fleet.board import Board
 from seod.fleet.broker import BrokerError, broker_of, need_library
 
 if TYPE_CHECKING:
     from seod.config.mqtt import MqttConfig
+
+POINTS: Final = 32
+"""Of a course, as small as it is shown."""
 
 
 class FleetView:
@@ -41,5 +44,9 @@ class FleetView:
         self._said = sentence
 
     def answer(self) -> dict[str, Any]:
-        """For the page: a row for each axis of each rig, and how it goes with the broker."""
-        return {"broker": self._said, "rows": self._board.rows(time.monotonic())}
+        """For the page: a row for each axis of each rig, `trend` the course of zeta; how the broker does."""
+        rows = self._board.rows(time.monotonic())
+        for row in rows:
+            zetas = [zeta for _, zeta, _ in row["trend"] if zeta is not None]
+            row["trend"] = zetas[:: max(1, -(-len(zetas) // POINTS))]
+        return {"broker": self._said, "rows": rows}
