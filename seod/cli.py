@@ -12,6 +12,7 @@ from seod.commands import (  # noqa: F401 - they register themselves
     archive,
     begin,
     diagnose,
+    fleet,
     identify,
     on_rig,
     over_tcp,

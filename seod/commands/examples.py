@@ -59,6 +59,10 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
     ),
     "archive causes": ("seod archive causes recordings --since 2026-01-01",),
     "archive compare": ("seod archive compare recordings bench7 bench8 --plot both.svg",),
+    "fleet": (
+        "seod fleet --broker broker.plant:8883 --tls ca.pem",
+        "seod fleet --broker localhost --archive DIR",
+    ),
     "paper": ("seod paper --out paper", "seod paper --figure 11 --figure exponent"),
 }
 
@@ -93,7 +97,17 @@ PANELS: Final[dict[str, tuple[str, ...]]] = {
     ),
     "Search": ("method", "effort", "relevance"),
     "Answer": ("as_json", "plot", "out", "to", "force"),
-    "Connection": ("host", "port", "rig_name", "token", "token_file", "tls"),
+    "Connection": (
+        "host",
+        "port",
+        "rig_name",
+        "token",
+        "token_file",
+        "tls",
+        "broker",
+        "user",
+        "password_file",
+    ),
 }
 """Groups of options, in the order in which `--help` shows them."""
 

@@ -15,8 +15,11 @@ from seod.config.draft import Draft
 from seod.config.errors import ConfigError, ConfigErrors, dotted, suggest
 from seod.config.model import CONFIG_VERSION, RigConfig
 from seod.config.modes import check_modes
+from seod.config.mqtt import with_paths
+from seod.config.mqtt_access import check_mqtt
 from seod.config.numbers import check_numbers
-from seod.config.tokens import CREDENTIALS, RIGHTS
+from seod.config.token_field import CREDENTIALS
+from seod.config.tokens import RIGHTS
 from seod.config.translate import show, translate
 from seod.config.wiring import check_wiring
 from seod.config.yaml_lines import parse
@@ -92,7 +95,7 @@ def load_text(text: str, name: str, directory: Path) -> RigConfig:
         raise ConfigErrors(early)
     problems = _problems(draft)
     known = {(error.line, error.key) for error in problems}
-    rules = (_shape, _driver, check_wiring, check_modes, check_numbers, check_access)
+    rules = (_shape, _driver, check_wiring, check_modes, check_numbers, check_access, check_mqtt)
     found = [error for rule in rules for error in rule(draft)]
     errors = problems + [error for error in found if (error.line, error.key) not in known]
     if errors:
@@ -187,6 +190,8 @@ def _finished(draft: Draft) -> RigConfig:
     driver = cast("BaseModel", draft.options).model_dump(mode="json", exclude_unset=True)
     changed: dict[str, object] = {"driver": driver}
     changed["server"] = _with_paths(config.server, draft.directory)
+    if config.mqtt is not None:
+        changed["mqtt"] = with_paths(config.mqtt, draft.directory)
     return config.model_copy(update=changed)
 
 

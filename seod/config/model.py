@@ -14,6 +14,7 @@ from seod.config.calibration import CalibrationConfig
 from seod.config.excitation import ExcitationConfig
 from seod.config.gain import Gain, GainModel
 from seod.config.gain_in_force import gain_range, is_identified
+from seod.config.mqtt import MqttConfig
 from seod.config.section import (
     FINITE,
     POSITIVE,
@@ -420,6 +421,8 @@ class RigConfig(Section):
     guard: GuardConfig = GuardConfig()
     server: ServerConfig = ServerConfig()
     record: RecordConfig = RecordConfig()
+    mqtt: MqttConfig | None = None
+    """The broker through which the rig is one of a fleet; left out: none."""
     simulation: SimulationConfig | None = None
     """Present only for simulated rigs: the truth that `seod rig` and the virtual driver simulate."""
 

@@ -10,6 +10,8 @@ LEAST = 16
 """Characters of a token: with letters and digits more than anyone can try out."""
 FILL = "x"
 """Stands for each character of a token where a rig file is written for others to read."""
+CREDENTIALS: Final = "$CREDENTIALS_DIRECTORY/"
+"""A path that begins so is one of systemd's credentials of the unit."""
 WITH_TOKENS: Final = {"tokens": True}
 """Context of `model_dump_json` by which the daemon's processes hand a configuration on among themselves."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import SecretStr
 
-from seod.config.token_field import FILL, LEAST
+from seod.config.token_field import CREDENTIALS, FILL, LEAST
 from seod.files.user_files import irregular, said
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ RIGHTS = ("read_token", "command_token")
 """Keys of the `server` section that hold a token; `KEY_file` names a file that does."""
 SECRETS = tuple((right,) for right in RIGHTS)
 """Ends of the paths whose values no message repeats."""
-CREDENTIALS = "$CREDENTIALS_DIRECTORY/"
-"""A path that begins so is one of systemd's credentials of the unit."""
 _MOST_BYTES = 4096
 _TOO_OPEN = stat.S_IRWXO | stat.S_IWGRP
 """Others may do nothing with a token's file, and its group may read it at most."""

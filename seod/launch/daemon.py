@@ -64,6 +64,7 @@ def run(config_path: Path, duration: float | None, record: Path | None, parent: 
             record=None if record is None else str(record.resolve()),
             parent=parent,
             panel=has_panel(config.server),
+            fleet=config.mqtt is not None,
         )
     )
 

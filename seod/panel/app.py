@@ -18,7 +18,7 @@ from seod.panel.foxglove import FoxgloveSocket, choose_protocol
 from seod.panel.metrics import RigCollector
 from seod.panel.page_socket import PageSocket
 from seod.panel.sessions import LIFE_S, Session, is_ours, is_same_origin
-from seod.panel.uplink import Uplink
+from seod.processes.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
 if TYPE_CHECKING:
@@ -188,8 +188,17 @@ class Pages:
                 "axes": {name: self._axis(name) for name in config.axes},
                 "rate_hz": config.loop.rate_hz,
                 "dead_man": config.guard.dead_man,
+                "fleet": self._panel.fleet is not None,
             }
         )
+
+    async def fleet(self, request: Request) -> Response:
+        """All rigs at the broker, for the page."""
+        if self.session(request) is None:
+            return JSONResponse({"error": "log in"}, 401)
+        if self._panel.fleet is None:
+            return JSONResponse({"error": "the rig file has no section mqtt"}, 404)
+        return JSONResponse(self._panel.fleet.answer())
 
     def _axis(self, name: str) -> dict[str, Any]:
         axis = self._panel.config.axes[name]
@@ -332,6 +341,7 @@ def make_app(panel: Panel, scheme: str) -> tuple[ASGIApp, Files]:
         Route("/metrics", pages.metrics),
         Route("/estop", pages.estop, methods=["POST"]),
         Route("/api/about", pages.about),
+        Route("/api/fleet", pages.fleet),
         Route("/static/{name}", pages.file),
         WebSocketRoute("/ws", pages.socket),
         WebSocketRoute("/foxglove", pages.foxglove),

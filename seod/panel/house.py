@@ -8,7 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
 from seod.panel.trends import Trend
-from seod.panel.uplink import Uplink
+from seod.processes.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from starlette.websockets import WebSocketDisconnect
 
 from seod.gateway.params import Params, read_params
 from seod.panel.disk import disk_of
-from seod.panel.uplink import Uplink
 from seod.panel.view import HistoryParams, View, ViewParams
+from seod.processes.uplink import Uplink
 from seod.protocol.jsonrpc import (
     INVALID_PARAMS,
     NO_ANSWER,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from seod.observe.rows import RowReader
 from seod.panel.commander import Commander
+from seod.panel.fleet import FleetView
 from seod.panel.history import HISTORY_S, AxisHistory
 from seod.panel.house import House
 from seod.panel.sessions import Sessions
@@ -64,6 +64,7 @@ class Panel:
         rows = int(HISTORY_S * config.loop.rate_hz)
         self.histories = {name: AxisHistory(rows) for name in config.axes}
         self.house = House(way, reading_token(config.server), config.axes, self._hand_on)
+        self.fleet = None if config.mqtt is None else FleetView(config.rig, config.mqtt)
         self.commander = Commander()
         self.commander.told = self._tell_commander
         self.sessions = Sessions()
@@ -74,15 +75,17 @@ class Panel:
 
     async def run(self) -> None:
         """Take rows and hear the gateway; until cancelled."""
-        hearing = asyncio.create_task(self.house.run())
+        hearing = [asyncio.create_task(self.house.run())]
+        if self.fleet is not None:
+            hearing.append(asyncio.create_task(self.fleet.run()))
         try:
             while True:
                 self.take_rows()
                 await asyncio.sleep(POLL_S)
         finally:
-            hearing.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await hearing
+            for task in hearing:
+                task.cancel()
+            await asyncio.gather(*hearing, return_exceptions=True)
             self._reader.close()
 
     def take_rows(self) -> None:

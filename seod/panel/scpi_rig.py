@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from seod.panel.uplink import Uplink
 from seod.processes.ring import AxisState
+from seod.processes.uplink import Uplink
 from seod.protocol.jsonrpc import UNAUTHORISED, RpcError
 from seod.scpi.device import Device
 

@@ -27,7 +27,7 @@ class ChildArguments:
         generation: Number of this loop process, from 1.
         record: File to record to, or None.
         config_path: Where the rig file lies, for messages.
-        panel_fd: Between gateway and panel: clients of the panel come through it; -1 without a panel.
+        panel_fd: Between gateway and panel or fleet: their clients come through it; -1 without these.
     """
 
     config_fd: int

@@ -14,6 +14,7 @@ import signal
 import sys
 import time
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,8 @@ from seod.processes import journal
 from seod.processes.handover import ChildArguments, die_with_parent, receive_json, send_json
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
+from seod.supervisor.beside import Keeper, Way
 from seod.supervisor.child import Child
-from seod.supervisor.panel import PanelKeeper
 from seod.supervisor.say import say
 from seod.supervisor.sdnotify import notify, watchdog_interval
 
@@ -53,6 +54,7 @@ class SupervisorArguments:
         record: File to record to, or None.
         parent: Process whose end ends the daemon (`seod run --watch`), or None.
         panel: Whether there is a panel.
+        fleet: Whether the rig is one of a fleet.
     """
 
     config_fd: int
@@ -67,6 +69,7 @@ class SupervisorArguments:
     record: str | None
     parent: int | None
     panel: bool = False
+    fleet: bool = False
 
 
 class Supervisor:
@@ -80,7 +83,12 @@ class Supervisor:
         self.poller.register(self.wake_read, select.POLLIN)
         self.loop: Child | None = None
         self.gateway: Child | None = None
-        self.panel = PanelKeeper(self.start_panel) if arguments.panel else None
+        self.way = Way() if arguments.panel or arguments.fleet else None
+        self.beside = [
+            Keeper(name, partial(self.start_beside, f"seod.{name}"))
+            for name, wanted in (("panel", arguments.panel), ("fleet", arguments.fleet))
+            if wanted
+        ]
         self.generation = 0
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
@@ -131,15 +139,20 @@ class Supervisor:
             self.hear_loop(self.loop)
         elif self.gateway is not None and fd == self.gateway.link.fileno():
             self.hear_gateway(self.gateway)
-        elif self.panel is not None and self.panel.child is not None:
-            self.serve_panel(self.panel, self.panel.child, fd)
+        else:
+            self.serve_beside(fd)
 
-    def serve_panel(self, panel: PanelKeeper, child: Child, fd: int) -> None:
-        """The panel says something, or has ended."""
-        if fd == child.pidfd:
-            panel.died(self.drop)
-        elif fd == child.link.fileno() and not panel.hear():
-            self.forget_link(child)
+    def serve_beside(self, fd: int) -> None:
+        """Panel or fleet says something, or has ended."""
+        for keeper in self.beside:
+            child = keeper.child
+            if child is not None and fd == child.pidfd:
+                keeper.died(self.drop)
+                return
+            if child is not None and fd == child.link.fileno():
+                if not keeper.hear():
+                    self.forget_link(child)
+                return
 
     def take_signals(self) -> None:
         """SIGTERM and SIGINT end the daemon."""
@@ -196,15 +209,13 @@ class Supervisor:
     def start_gateway(self) -> None:
         """Start the gateway process."""
         self.gateway_starts += 1
-        self.gateway = self.child(
-            "seod.gateway", -1 if self.panel is None else self.panel.gateway_end.fileno()
-        )
+        self.gateway = self.child("seod.gateway", -1 if self.way is None else self.way.gateway_end.fileno())
         if self.death:  # which the gateway before knew, and this one could not
             self.tell_gateway(self.death)
 
-    def start_panel(self, panel_fd: int) -> Child:
-        """Start the panel's process."""
-        return self.child("seod.panel", panel_fd)
+    def start_beside(self, module: str) -> Child:
+        """Start the panel's process, or the fleet's."""
+        return self.child(module, -1 if self.way is None else self.way.own_end.fileno())
 
     def hear_loop(self, loop: Child) -> None:
         """The loop says how neutral can be written without it, and when it is ready."""
@@ -250,8 +261,8 @@ class Supervisor:
         if self.arguments.duration is not None:
             self.ends_at = time.monotonic() + self.arguments.duration
         notify(f"READY=1\nSTATUS={self.arguments.rig}: running")
-        if self.panel is not None:  # now: it must not hold up what the rig depends on
-            self.panel.start()
+        for keeper in self.beside:  # now: they must not hold up what the rig depends on
+            keeper.start()
 
     def watch_ticks(self) -> None:
         """A loop that is ready but does not tick is fenced; a rig without a loop is held at neutral."""
@@ -374,14 +385,16 @@ class Supervisor:
             self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
-        if self.panel is not None:
-            self.panel.end()
+        for keeper in self.beside:
+            keeper.end()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})
             self.gateway.end(self.still_here)
             if self.gateway.process.returncode > 0:  # it has said what its recording lacks
                 self.exit_code = 1
         self.neutral.close()
+        if self.way is not None:
+            self.way.close()
 
 
 def install_signals(wake_fd: int) -> None:

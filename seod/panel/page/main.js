@@ -4,6 +4,7 @@ import { at, figure } from "/static/common.js";
 import { Controls } from "/static/controls.js";
 import { armEstop } from "/static/estop.js";
 import { Cycle } from "/static/cycle.js";
+import { Fleet } from "/static/fleet.js";
 import { Health } from "/static/health.js";
 import { Model } from "/static/model.js";
 import { themeChanged } from "/static/plots.js";
@@ -31,6 +32,8 @@ const views = {
   model: new Model(wire, about, axis), health: new Health(wire), recordings: new Recordings(wire, about),
   rigfile: new RigFile(about),
 };
+if (about.fleet) views.fleet = new Fleet();
+else { at("tab-fleet").remove(); at("view-fleet").remove(); }
 let heard = 0;
 let fault = "";
 let estopSaid = "";

@@ -1,4 +1,4 @@
-"""A connection of the panel to the gateway for one of its clients: JSON-RPC by line, as for any other."""
+"""A connection to the gateway for a client of panel or fleet: JSON-RPC by line, as for any other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The supervisor's part for the panel: it is started, and started again; the rig does not depend on it.
+"""Processes beside the daemon, panel and fleet: started, and started again; the rig does not depend on them.
 
 Standard library only.
 """
@@ -19,44 +19,58 @@ if TYPE_CHECKING:
 RESTARTS = 5
 
 
-class PanelKeeper:
-    """Keeps the panel's process, and the way by which it hands clients to the gateway.
+class Way:
+    """The way by which such processes hand clients to the gateway; they share their end of it."""
+
+    def __init__(self) -> None:
+        self.own_end, self.gateway_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+    def close(self) -> None:
+        """Give both ends back."""
+        self.own_end.close()
+        self.gateway_end.close()
+
+
+class Keeper:
+    """Keeps one such process.
 
     Args:
-        start: Starts the process, which inherits this descriptor.
+        name: What people call it: `panel`, `fleet`.
+        start: Starts the process.
     """
 
-    def __init__(self, start: Callable[[int], Child]) -> None:
+    def __init__(self, name: str, start: Callable[[], Child]) -> None:
+        self.name = name
         self._start = start
-        self._own_end, self.gateway_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._starts = 0
         self.child: Child | None = None
 
     def start(self) -> None:
         """Start the process."""
         self._starts += 1
-        self.child = self._start(self._own_end.fileno())
+        self.child = self._start()
 
     def hear(self) -> bool:
-        """The panel says where it listens, or why it cannot; False once nothing more comes."""
+        """It says what it does, or why it cannot; False once nothing more comes."""
         message = None if self.child is None else receive_json(self.child.link)
         if self.child is None or not message:
             return message != {}
-        if message.get("panel") == "failed":
+        if message.get("beside") == "failed":
             self.child.failure = str(message["why"])
-        for line in message.get("listens", ()):  # type: ignore[attr-defined] # a list of sentences
+        for line in message.get("says", ()):  # type: ignore[attr-defined] # a list of sentences
             say(str(line))
         return True
 
     def died(self, drop: Callable[[Child], None]) -> None:
-        """It has ended: say why, and start it again unless it cannot listen."""
+        """It has ended: say why, and start it again unless it cannot do its work."""
         child = self.child
         if child is None:
             return
         self.hear()  # its last words may still be under way
         self.child = None
         why = child.end_of()
-        say(f"the panel: {why}; the rig goes on without it" if child.failure else f"the panel process {why}")
+        goes_on = f"the {self.name}: {why}; the rig goes on without it"
+        say(goes_on if child.failure else f"the {self.name} process {why}")
         drop(child)
         if not child.failure and self._starts <= RESTARTS:
             self.start()
@@ -65,5 +79,3 @@ class PanelKeeper:
         """The daemon ends."""
         if self.child is not None:
             self.child.end()
-        self._own_end.close()
-        self.gateway_end.close()
