@@ -9,6 +9,7 @@ import typer
 
 from seod import PROTOCOL, __version__, own_packages
 from seod.commands import (  # noqa: F401 - they register themselves
+    batch,
     begin,
     diagnose,
     identify,
