@@ -210,7 +210,12 @@ def test_a_task_that_kills_its_workers_fails_and_no_other(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     done = subprocess.run(
-        [sys.executable, "-W", "error", script], env=ENVIRONMENT, capture_output=True, text=True, timeout=100
+        [sys.executable, "-W", "error", script],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -224,6 +229,11 @@ def test_a_scheduler_that_never_answers_is_told(recordings, tmp_path):
         f"with OnDask('tcp://127.0.0.1:{free_port()}', patience_s=1.0): pass\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script], env=ENVIRONMENT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", script],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
     )
     assert "StoppedError: no scheduler answers at tcp://127.0.0.1:" in done.stderr
