@@ -57,7 +57,7 @@ class OnDask:
         memory: Of each local worker, such as `2 GB`; a worker that takes more is ended. `auto`: its share.
         patience_s: How long the scheduler or all workers may be away [s].
         tell: Takes sentences for whoever waits.
-        dashboard: Where a local scheduler shows its state; None: nowhere.
+        dashboard: Where a local scheduler shows its state; None: on loopback, and nobody is told where.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class OnDask:
                     threads_per_worker=1,
                     processes=True,
                     memory_limit=self._memory,
-                    dashboard_address=self._dashboard,
+                    dashboard_address=self._dashboard or "127.0.0.1:0",
                     asynchronous=True,
                     silence_logs=logging.CRITICAL,
                 )

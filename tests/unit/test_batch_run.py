@@ -195,7 +195,7 @@ def test_names_start_where_the_first_run_let_them_start(folder, tmp_path):
         assert batch.run(Here()).before == 1
     other = tmp_path / "other.csv"
     other.write_text("x")
-    with pytest.raises(ValueError, match="is not in .*recordings, from where .*: give another --out"):
+    with pytest.raises(ValueError, match=r"is not in .*recordings, from where .*: give another --out"):
         Batch("identify", [other], tmp_path / "out", {})
 
 
