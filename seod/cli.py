@@ -10,6 +10,7 @@ import typer
 from seod import PROTOCOL, __version__, own_packages
 from seod.commands import (  # noqa: F401 - they register themselves
     archive,
+    batch,
     begin,
     diagnose,
     fleet,

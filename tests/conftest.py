@@ -58,8 +58,14 @@ def open_descriptors() -> Found:
 
 def child_processes() -> Found:
     """Children of this process, those that ended without being waited for included."""
-    pids = [pid for path in Path("/proc/self/task").glob("*/children") for pid in path.read_text().split()]
-    return Counter(f"process {pid} ({_command(pid)})" for pid in pids)
+    found: Found = Counter()
+    for path in Path("/proc/self/task").glob("*/children"):
+        try:
+            pids = path.read_text().split()
+        except OSError:  # a thread that ended meanwhile
+            continue
+        found.update(f"process {pid} ({_command(pid)})" for pid in pids)
+    return found
 
 
 def marked_processes() -> Found:

@@ -41,6 +41,11 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "seod simulate configs/virtual.yaml --out run.csv --effect coulomb_friction.level=500",
         "seod simulate rig.yaml --out sweep.csv --excitation sweep --amplitude '400 mV' --band 0.5:60",
     ),
+    "batch": (
+        "seod batch identify recordings/ --units y=mm --out found",
+        "seod batch simulate rig.yaml --seeds 0-99 --workers 2 --out drawn",
+        "seod batch diagnose recordings/*.mcap --scheduler tcp://host:8786",
+    ),
     "info": ("seod info run.mcap", "seod info log.blf --dbc motor.dbc --plot columns.png"),
     "export": ("seod export run.mcap --to parquet", "seod export run.csv --to mat --units y=deg"),
     "report": (
@@ -87,6 +92,7 @@ PANELS: Final[dict[str, tuple[str, ...]]] = {
         "relay",
         "e_a",
         "seed",
+        "seeds",
         "effect",
         "noise",
         "latency",
@@ -95,6 +101,7 @@ PANELS: Final[dict[str, tuple[str, ...]]] = {
         "high",
         "steps",
     ),
+    "Workers": ("scheduler", "workers", "memory"),
     "Search": ("method", "effort", "relevance"),
     "Answer": ("as_json", "plot", "out", "to", "force"),
     "Connection": (
