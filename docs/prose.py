@@ -1,9 +1,8 @@
 """Words and sentences of the documents: `python docs/prose.py`, part of `make lint`.
 
-Prints the 95th percentile of words in a sentence, page by page, and fails where one is above `LONGEST`, or where
-a page says a house word for what engineers have a word for. Tables, code, and pages made by programs do not
-count.
-Decisions and the changelog say what was said at their time: they are reported only.
+Prints the 95th percentile of words in a sentence, page by page. Fails where one is above `LONGEST`, or
+where a page has a house word in place of an engineer's. Tables, code, and pages made by programs do not
+count. Decisions and the changelog say what was said at their time: they are reported only.
 """
 
 from __future__ import annotations

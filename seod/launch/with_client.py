@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 READY_S = 30.0
 """The daemon must answer within this time."""
 FIRST_TICK_S = 120.0
-"""A loop that has not started yet is waited for this long: a busy machine loads the plant's code for a minute."""
+"""A loop that has not started yet is waited for this long: a busy machine loads the plant slowly."""
 SAMPLES_S = 5.0
 """A rig that refuses to start is asked again for this long: its first samples may still be under way."""
 PAUSE_S = 0.1
