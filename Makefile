@@ -34,6 +34,7 @@ lint: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python docs/prose.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix

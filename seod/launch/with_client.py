@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 READY_S = 30.0
 """The daemon must answer within this time."""
+FIRST_TICK_S = 120.0
+"""A loop that has not started yet is waited for this long: a busy machine loads the plant slowly."""
 SAMPLES_S = 5.0
 """A rig that refuses to start is asked again for this long: its first samples may still be under way."""
 PAUSE_S = 0.1
@@ -127,7 +129,7 @@ def begin(client: Client, daemon: subprocess.Popen[bytes]) -> None:
         try:
             client.start()
         except RequestError as error:
-            patience = READY_S if error.code == NO_ANSWER else SAMPLES_S
+            patience = FIRST_TICK_S if error.code == NO_ANSWER else SAMPLES_S
             if time.monotonic() > asked + patience:
                 raise StartError(f"cannot start: {error}") from error
             time.sleep(PAUSE_S)
