@@ -173,6 +173,9 @@ def test_every_command_of_this_version_is_there():
             "identify",
             "response",
             "report",
+            "archive",
+            "batch",
+            "fleet",
             "init",
         }
         | over_tcp
