@@ -112,7 +112,9 @@ ROWS = [
     Row(
         "processor taken, loop up to 8 ms late", "busy", {"who": "loop", "late": 0.008, "for": 3.0}, math.inf
     ),
-    Row("processor taken, loop up to 60 ms late", "busy", {"who": "loop", "late": 0.06, "for": 3.0}, 1.0),
+    Row(
+        "processor taken, loop up to 60 ms late", "busy", {"who": "loop", "late": 0.06, "for": 3.0}, math.inf
+    ),
     Row("client floods 400 requests", "flood", FLOOD, math.inf),
     Row("120 clients with half a line", "loris", {"count": 120, **LONG}, math.inf),
     Row("e-stop line opened", "estop_line", LONG, PERIOD + TWO_TICKS),

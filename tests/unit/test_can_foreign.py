@@ -112,6 +112,28 @@ def test_what_a_foreign_command_says_is_told(make: Callable[..., Rig]) -> None:
     assert rig.driver.foreign_commands == 2
 
 
+def test_neutral_after_a_foreign_command_reaches_a_rig_that_went_on_from_its_counter(
+    make: Callable[..., Rig],
+) -> None:
+    rig = make()
+    take_over(rig)
+    for _ in range(3):
+        rig.tick(1.0)
+    rig.arrive(VALVE, valve(5.0, 10))
+    rig.driver.read(rig.clock.t)
+    rig.tick()
+    cycle = rig.bus.commands()[3:]
+    assert [volts for volts, _ in cycle] == [0.0] * 16
+    assert [counter for _, counter in cycle] == [(3 + k) % 16 for k in range(16)]
+    rig.tick()
+    assert rig.bus.commands()[19:] == [(0.0, 3)], "then one a tick again"
+    for _ in range(20):  # a node that goes on commanding cannot make us flood the bus
+        rig.arrive(VALVE, valve(5.0, 10))
+        rig.driver.read(rig.clock.t)
+        rig.tick()
+    assert len(rig.bus.commands()) == 40
+
+
 def test_neutral_of_the_supervisor_is_not_foreign_while_it_hands_over(make: Callable[..., Rig]) -> None:
     rig = make()
     rig.arrive(VALVE, valve(0.0, 7))
