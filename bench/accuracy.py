@@ -1,6 +1,6 @@
 """Bias and scatter relative to the Cramer-Rao bound, and interval coverage, of all estimators.
 
-    python bench/accuracy.py [--quick] [--file accuracy.jsonl] [--processes 2] [--doc]
+    python bench/accuracy.py [--quick] [--file accuracy.jsonl] [--workers 2] [--doc]
 
 A sampled relay swings plants of zeta 0.1-1.5 and omega_n Ts 0.02-0.2, and the design's three plants with more
 noise, coarse sensors, jitter, delay, hysteresis, friction. Each run has a plant, start and noise of its own.
@@ -27,6 +27,7 @@ from accuracy_cases import GRID, PLANTS, Case, about_the_plants
 from accuracy_plots import draw
 from accuracy_runs import BLOCK
 from accuracy_summary import Found, goals, methods, totals, varied
+from through import add_options
 
 DOCS = Path(__file__).parents[1] / "docs"
 QUICK = [Case(*plant) for plant in PLANTS]
@@ -60,7 +61,7 @@ def main() -> None:
     parser.add_argument("--varied-runs", type=int, default=100, help="of each other case")
     parser.add_argument("--quick", action="store_true", help="50 runs of the design's three plants")
     parser.add_argument("--file", type=Path, default=Path("accuracy.jsonl"), help="what was done, kept")
-    parser.add_argument("--processes", type=int, default=2)
+    add_options(parser, workers=2)
     parser.add_argument("--only", default="", help="cases whose names match this, as `speed=1`")
     parser.add_argument("--doc", action="store_true", help="write the tables and plots of docs/accuracy*.md")
     options = parser.parse_args()

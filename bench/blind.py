@@ -2,6 +2,7 @@
 
     python bench/blind.py --out blind.jsonl --count 200     # again with the same file: goes on where it was
     python bench/blind.py --out blind.jsonl --count 0       # only the tables
+    python bench/blind.py --out blind.jsonl --workers 2     # on workers of Dask; --scheduler tcp://host:8786
     python bench/blind.py --out rough.jsonl --rough         # noise, scales and converters of measured rigs
     python bench/blind.py --out relay.jsonl --cause coulomb_friction --excitation relay --noise 0.03
 
@@ -14,138 +15,39 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import resource
 import sys
 import tempfile
 from collections import Counter, defaultdict
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
-from time import process_time
-
-import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 
-from hidden_cases import KINDS, Case, Invisible, draw, supply_of
-from hidden_records import make_record, write
-from hidden_rough import Rough, make_rough_record, rough
-from hidden_score import OUTCOMES, outcome, parameters, wilson
-
-from seod.data import read
-from seod.diagnose.pipeline import Options, diagnose
-from seod.diagnose.result import DiagnoseError
+from blind_runs import LATE, Wanted, hidden
+from hidden_cases import KINDS
+from hidden_score import OUTCOMES, wilson
+from through import add_options, results
 
 GOALS = {"one": 0.99, "two": 0.95, "clean": 0.995, "unlisted": 0.95}
 COVERAGE = (0.90, 0.98)
 OUT = Path(tempfile.gettempdir()) / "seod-blind.jsonl"
 LIMIT_S = 120
 """Processor time of one diagnosis, after which it counts as wrong."""
-LATE = "no answer in time"
-
-
-def answer(case: Case, folder: Path, limit: int, how: Rough | None = None) -> tuple[dict, float]:
-    """What the diagnosis says of the case's file, and what it took [s of processor time].
-
-    In a process of its own, which the kernel ends at the limit.
-    """
-    path = folder / "run.csv"
-    write(make_record(case) if how is None else make_rough_record(case, how), path)
-    output = "velocity" if case.rig.sees_speed else "position"
-    with ProcessPoolExecutor(1, get_context("fork")) as pool:
-        try:
-            return pool.submit(_told, path, output, limit).result()
-        except BrokenProcessPool:
-            return {"verdict": LATE, "effects": []}, float(limit)
-        except (ValueError, ArithmeticError) as error:
-            return {"verdict": f"broke off: {error}", "effects": []}, math.nan
-
-
-def _told(path: Path, output: str, limit: int) -> tuple[dict, float]:
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
-    before = process_time()
-    try:
-        told = diagnose([read(path)], (), Options(output=output)).as_json()
-    except DiagnoseError as error:
-        told = {"verdict": f"refused: {error}", "effects": []}
-    return told, process_time() - before
-
-
-def _told_by_file(case: Case) -> dict:
-    """Effects as far as a file can tell: of a speed neither the position nor the phase of its ripple.
-
-    The air in the oil is told at the median of the supply pressure, which no file says to be nominal or not.
-    """
-    values = {name: dict(group) for name, group in case.rig.effects.items()}
-    if case.rig.sees_speed:
-        values.get("position_ripple", {}).pop("phase", None)
-        values.get("load_spring", {}).pop("centre", None)
-    if air := values.get("pressure_dependent_stiffness"):
-        air["air"] /= float(np.median(supply_of(case))) ** 2
-    return values | ({case.causes[0]: _defect(case)} if case.defects else {})
-
-
-def _defect(case: Case) -> dict[str, float]:
-    names = {"jitter": "deviation", "part": "rate"}
-    return {names.get(name, name): value for name, value in case.defects.items()}
-
-
-def _told_by_rough_file(case: Case, how: Rough) -> dict:
-    return {
-        name: {
-            of: how.converted(f"{name}.{of}", value, sees_speed=case.rig.sees_speed)
-            for of, value in group.items()
-        }
-        for name, group in _told_by_file(case).items()
-    }
-
-
-def line(case: Case, told: dict, seconds: float, how: Rough | None = None) -> dict:
-    truth = _told_by_file(case) if how is None else _told_by_rough_file(case, how)
-    judged = told if how is None else how.forgiven(case.causes, told)
-    return {
-        "rough": None if how is None else how.as_json(),
-        "number": case.number,
-        "kind": case.kind,
-        "causes": list(case.causes),
-        "excitation": case.excitation,
-        "output": "velocity" if case.rig.sees_speed else "position",
-        "noise_part": case.noise_part,
-        "visible": case.visible,
-        "plant": [case.rig.K_L, case.rig.omega_n, case.rig.zeta],
-        "effects": case.rig.effects,
-        "defects": case.defects,
-        "outcome": outcome(case.kind, case.causes, judged),
-        "verdict": told["verdict"],
-        "named": [each["name"] for each in told["effects"]],
-        "as_well": [each["indistinguishable_from"] for each in told["effects"]],
-        "parameters": parameters(truth, judged),
-        "before": (told.get("baseline") or {}).get("holdout_nrmse"),
-        "after": (told.get("extended") or {}).get("holdout_nrmse"),
-        "floor": told.get("noise_floor_nrmse"),
-        "found_plant": [(told.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
-        "seconds": seconds,
-    }
 
 
 def run(args: argparse.Namespace, done: set[int]) -> None:
-    with tempfile.TemporaryDirectory() as folder, args.out.open("a", encoding="utf-8") as out:
-        for number in range(args.first, args.first + args.count):
-            if number in done:
-                continue
-            causes = None if args.cause is None else tuple(args.cause)
-            try:
-                case = draw(number, args.kind, causes, args.excitation, None, args.noise, args.duration)
-            except Invisible as error:
-                print(error, flush=True)
-                continue
-            how = rough(case) if args.rough else None
-            found = line(case, *answer(case, Path(folder), args.limit, how), how)
-            out.write(json.dumps(found) + "\n")
-            out.flush()
-            print(summary(found), flush=True)
+    causes = None if args.cause is None else tuple(args.cause)
+    numbers = (n for n in range(args.first, args.first + args.count) if n not in done)
+    wanted = (
+        Wanted(n, args.kind, causes, args.excitation, args.noise, args.duration, args.rough, args.limit)
+        for n in numbers
+    )
+    with args.out.open("a", encoding="utf-8") as out:
+        for _, found in results(args, hidden, wanted):
+            if isinstance(found, dict):
+                out.write(json.dumps(found) + "\n")
+                out.flush()
+            print(found if isinstance(found, str) else summary(found), flush=True)
 
 
 def summary(found: dict) -> str:
@@ -185,8 +87,8 @@ def confusion(lines: list[dict]) -> None:
         for each in lines
         if each["kind"] == "one" and each["outcome"] == "wrong"
     )
-    for (hidden, named), count in sorted(pairs.items()):
-        print(f"  {hidden:32s} {named:60s} {count}")
+    for (cause, named), count in sorted(pairs.items()):
+        print(f"  {cause:32s} {named:60s} {count}")
 
 
 def intervals(lines: list[dict]) -> None:
@@ -246,11 +148,12 @@ def main() -> None:
     parser.add_argument("--duration", type=float, help="of each record [s]; default: by the plant, 20 or 30")
     parser.add_argument("--limit", type=int, default=LIMIT_S, help="processor time of a diagnosis [s]")
     parser.add_argument("--rough", action="store_true", help="noise, scales and converters of measured rigs")
+    add_options(parser, workers=0)
     args = parser.parse_args()
     args.kind = args.kind or (None if args.cause is None else ("one", "two")[len(args.cause) - 1])
     lines = _read(args.out)
     run(args, {each["number"] for each in lines})
-    tables(_read(args.out))
+    tables(sorted(_read(args.out), key=lambda each: each["number"]))
 
 
 def _read(path: Path) -> list[dict]:

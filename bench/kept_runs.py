@@ -6,8 +6,10 @@ import hashlib
 import json
 import re
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+
+from through import results
 
 if TYPE_CHECKING:
     import argparse
@@ -23,6 +25,7 @@ class Runs(Protocol):
     """A module that makes runs: how many are in a block, how one is written and read."""
 
     BLOCK: int
+    __name__: str
 
     def line(self, case: Case, block: int, digest: str) -> str:
         """A block of a case as a line of JSON."""
@@ -31,17 +34,32 @@ class Runs(Protocol):
         """By case and block."""
 
 
+class Wanted(NamedTuple):
+    """A block of a case, and the module that makes it."""
+
+    module: str
+    case: Case
+    block: int
+    digest: str
+
+
+def made(wanted: Wanted) -> str:
+    """The block as a line of JSON."""
+    runs: Runs = import_module(wanted.module)  # type: ignore[assignment] # a module keeps the protocol
+    return runs.line(wanted.case, wanted.block, wanted.digest)
+
+
 def work(runs: Runs, tasks: Sequence[tuple[Case, int]], options: argparse.Namespace, digest: str) -> None:
     """Do what the file does not hold yet."""
     done = runs.read(options.file, digest)
     wanted = [(case, block) for case, block in tasks if re.search(options.only, case.name)]
     missing = [(case, block) for case, block in wanted if block not in done.get(case.name, {})]
     print(f"{len(missing)} blocks of {runs.BLOCK} runs to do; sources {digest}", file=sys.stderr)
-    with ProcessPoolExecutor(options.processes) as pool, options.file.open("a") as file:
+    asked = [Wanted(runs.__name__, case, block, digest) for case, block in missing]
+    with options.file.open("a") as file:
         if file.tell():
             file.write("\n")  # ends a line that was cut short
-        cases, blocks = [case for case, _ in missing], [block for _, block in missing]
-        for k, text in enumerate(pool.map(runs.line, cases, blocks, [digest] * len(missing)), 1):
+        for k, (_, text) in enumerate(results(options, made, asked), 1):
             file.write(text + "\n")
             file.flush()
             if k % 20 == 0 or k == len(missing):

@@ -1,6 +1,6 @@
 """The league of relay methods: bias, RMS over the Cramer-Rao bound, and coverage, on common plants.
 
-    python bench/league.py [--quick] [--file league.jsonl] [--processes 2] [--doc]
+    python bench/league.py [--quick] [--file league.jsonl] [--workers 2] [--doc]
 
 Plants of zeta 0.1-1.5 with noise of 0-2 %, and the design's three plants with delay, hysteresis, load and
 unequal gains, swung by a sampled relay in the compiled plant of `sim`. Each seed has a plant, a start and
@@ -28,6 +28,7 @@ from league_cases import GRID, QUICK, VARIED
 from league_plots import draw
 from league_runs import BLOCK, COMPARED
 from league_summary import Found, every_method, goals, league, verdict
+from through import add_options
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -63,7 +64,7 @@ def main() -> None:
         "--quick", action="store_true", help="10 runs of three plants, without noise and with 1 %%"
     )
     parser.add_argument("--file", type=Path, default=Path("league.jsonl"), help="what was done, kept")
-    parser.add_argument("--processes", type=int, default=2)
+    add_options(parser, workers=2)
     parser.add_argument("--only", default="", help="cases whose names match this, as `load=0.3`")
     parser.add_argument("--doc", action="store_true", help="write the tables and plots of docs/league*.md")
     options = parser.parse_args()
