@@ -59,13 +59,14 @@ def resident_mb(pid: int) -> float:
 
 
 class Listener(threading.Thread):
-    """Reads all samples and events."""
+    """Reads estimates, events, and samples at 20 a second."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
         self.lost, self.lines = 0, 0
         self.socket = socket.create_connection(("127.0.0.1", PORT), timeout=30)
-        ask = {"jsonrpc": "2.0", "id": 1, "method": "subscribe", "params": {"topics": ["estimate", "event"]}}
+        params = {"topics": ["estimate", "event", "sample"], "rate_hz": 20}
+        ask = {"jsonrpc": "2.0", "id": 1, "method": "subscribe", "params": params}
         self.socket.sendall(json.dumps(ask).encode() + b"\n")
 
     def run(self) -> None:

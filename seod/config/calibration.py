@@ -26,7 +26,7 @@ class CalibratedEdge(Section):
     """An edge of the deadband, found by a staircase of voltages."""
 
     interval: tuple[Number, Number]
-    """Voltages between which it lies: still at the first, moving at the second [V]."""
+    """Voltages between which it lies, lower first; still at that nearer the null, moving at the other [V]."""
 
 
 class CalibrationConfig(Section):
