@@ -43,8 +43,13 @@ def until(condition: Callable[[], object]) -> None:
 
 def children(pid: int) -> list[int]:
     """Workers of a process: those of its children that read recordings."""
-    own = (path.read_text().split() for path in Path(f"/proc/{pid}/task").glob("*/children"))
-    return [int(child) for some in own for child in some if is_worker(child)]
+    found = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            found += path.read_text().split()
+        except OSError:  # a thread that ended meanwhile
+            continue
+    return [int(child) for child in found if is_worker(child)]
 
 
 def is_worker(pid: str) -> bool:
