@@ -156,7 +156,7 @@ def run(given: argparse.Namespace, broker: Mosquitto, folder: Path) -> int:
             heard_s, heard_bytes = usage(listener.pid)
         finally:
             rigs.send_signal(signal.SIGTERM)
-            listener.send_signal(signal.SIGINT)
+            listener.send_signal(signal.SIGTERM)
     return tell(given, told, archived(folder / "archive"), heard_s, heard_bytes)
 
 
