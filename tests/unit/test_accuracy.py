@@ -189,23 +189,13 @@ def test_no_plant_has_poles_that_oscillate_from_tick_to_tick():
 def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch):
     asked = []
 
-    class Pool:
-        def __init__(self, processes: int) -> None: ...
-        def __enter__(self):
-            return self
+    def line(case, block, digest):
+        asked.append((case, block))
+        heard = [Heard([1.0, 1.0], {"wave": Said("ok", [0.0, 1.0, 0.0, 1.0])})]
+        return json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
-        def __exit__(self, *_):
-            return None
-
-        def map(self, _, cases, blocks, digests):
-            asked.extend(zip(cases, blocks, strict=True))
-            said = {"wave": Said("ok", [0.0, 1.0, 0.0, 1.0])}
-            for case, block, digest in zip(cases, blocks, digests, strict=True):
-                heard = [Heard([1.0, 1.0], said)]
-                yield json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
-
-    monkeypatch.setattr(kept_runs, "ProcessPoolExecutor", Pool)
-    options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", processes=1)
+    monkeypatch.setattr(accuracy_runs, "line", line)
+    options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", scheduler="local", workers=0)
     kept_runs.work(accuracy_runs, accuracy.tasks(options), options, "abc")
     assert len(asked) == 6
     kept = options.file.read_text()

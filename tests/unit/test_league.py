@@ -230,22 +230,15 @@ def test_all_tables_are_made_of_what_there_is(tmp_path):
 def test_what_is_done_already_is_not_done_again(tmp_path, monkeypatch, capsys):
     asked = []
 
-    class Pool:
-        def __init__(self, processes: int) -> None: ...
-        def __enter__(self):
-            return self
+    def line(case, block, digest):
+        asked.append((case, block))
+        heard = [{"wave": Said("ok", [1.0, 1.0], [0.0, 1.0, 0.0, 1.0])}]
+        return json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
 
-        def __exit__(self, *_):
-            return None
-
-        def map(self, _, cases, blocks, digests):
-            asked.extend(zip(cases, blocks, strict=True))
-            for case, block, digest in zip(cases, blocks, digests, strict=True):
-                heard = [{"wave": Said("ok", [1.0, 1.0], [0.0, 1.0, 0.0, 1.0])}]
-                yield json.dumps({"case": case.name, "block": block, "digest": digest, "heard": heard})
-
-    monkeypatch.setattr(kept_runs, "ProcessPoolExecutor", Pool)
-    options = Namespace(quick=True, only="", file=tmp_path / "found.jsonl", processes=1, runs=20)
+    monkeypatch.setattr(league_runs, "line", line)
+    options = Namespace(
+        quick=True, only="", file=tmp_path / "found.jsonl", scheduler="local", workers=0, runs=20
+    )
     kept_runs.work(league_runs, league.tasks(options), options, "abc")
     assert len(asked) == len(QUICK)
     kept = options.file.read_text()
