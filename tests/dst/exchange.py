@@ -29,7 +29,7 @@ import seod.record.recorder
 import seod.supervisor.child
 import seod.supervisor.process
 from seod.files.user_files import create_recording
-from tests.dst import bus, net, shells
+from tests.dst import bus, net, processes, shells, sockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -53,7 +53,7 @@ class System:
         self.bus = bus.Bus(world, self.time.time)
         self.network = net.Network(world)
         self.can_socket = type("Raw", (bus.CanSocket,), {"bus": self.bus})
-        self.processes = shells.Subprocesses(
+        self.processes = processes.Subprocesses(
             world,
             {
                 "seod.loop": (seod.loop.process.main, FIFO),
@@ -73,7 +73,7 @@ class System:
         """Module, name in it, what stands for it."""
         world, clock, system = self.world, self.time, self.os
         signals, sys, select = shells.Signals(world), shells.Sys(world), shells.Select(world)
-        sockets = shells.Sockets(world, self.can_socket)
+        pairs = sockets.Sockets(world, self.can_socket)
         for module in (
             seod.supervisor.process,
             seod.loop.pacer,
@@ -110,7 +110,7 @@ class System:
             seod.observe.process,
             drivers.neutral,
         ):
-            yield module, "socket", sockets
+            yield module, "socket", pairs
         yield drivers.can_link, "socket", shells_of_link(world, self)
         yield drivers.can_link, "can", CanShell(self.bus, self.can_socket)
         for module in (seod.supervisor.process, seod.observe.process, drivers.can_socket):
@@ -120,7 +120,7 @@ class System:
         for module in (seod.supervisor.child, seod.gateway.process):
             yield module, "subprocess", self.processes
         yield seod.gateway.process, "asyncio", net.AsyncioShell(world, self.network)
-        yield seod.record.recorder, "threading", shells.Threads(world)
+        yield seod.record.recorder, "threading", processes.Threads(world)
         yield from self._functions()
 
     def _functions(self) -> Iterator[tuple[Any, str, Any]]:
@@ -183,7 +183,7 @@ class FilesOs(shells.Os):
         elif fd in self._world.ends:
             super().close(fd)
         else:
-            shells.INHERITED.discard(fd)
+            processes.INHERITED.discard(fd)
             os.close(fd)
 
 

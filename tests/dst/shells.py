@@ -1,34 +1,26 @@
 """What stands in for the system: modules with the few names that the daemon uses of them.
 
 Each is put in the place of a module within the modules of the daemon (`tests.dst.exchange`); what the daemon
-does with it is its own code.
+does with it is its own code. Sockets are in `sockets`, processes and threads in `processes`.
 """
 
 from __future__ import annotations
 
-import errno
-import json
 import math
 import os
 import select
 import signal
-import socket
-import subprocess
 import sys
-import threading
 import time
-from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from tests.dst.world import Dead, End, Process, World
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
 EPOCH_S = 1.7e9
 """CLOCK_REALTIME less CLOCK_MONOTONIC at the start [s]."""
-PACKETS = 278
-"""Datagrams that a socket pair holds."""
 
 
 class Shell:
@@ -73,125 +65,6 @@ class Time(Shell):
             self._world.block(until)
             if self._world.now >= until:
                 return
-
-
-class Holder:
-    """A process' hold on an end of a socket pair."""
-
-    def __init__(self, world: World, end: PairEnd) -> None:
-        self.world, self.end = world, end
-        self.open = True
-        end.holders += 1
-        self._process = world.current.process if world.current is not None else None
-        if self._process is not None:
-            self._process.held.append(self)
-
-    def give_back(self) -> None:
-        """Closed, by the process or by its end."""
-        if self.open:
-            self.open = False
-            self.end.drop()
-
-    # ---- as `socket.socket`
-
-    def setblocking(self, _: bool) -> None:
-        """It never blocks."""
-
-    def setsockopt(self, *_: object) -> None:
-        """Its buffers are as they are."""
-
-    def fileno(self) -> int:
-        """Its descriptor."""
-        return self.end.fd
-
-    def send(self, data: bytes, *_: object) -> int:
-        """One datagram."""
-        self.world.me()
-        return self.end.send(data)
-
-    def recv(self, *_: object) -> bytes:
-        """One datagram; b"" at the end."""
-        self.world.me()
-        return self.end.recv()
-
-    def close(self) -> None:
-        """Give it back."""
-        if self._process is not None and self in self._process.held:
-            self._process.held.remove(self)
-        self.give_back()
-
-    def __enter__(self) -> Holder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-class PairEnd(End):
-    """One end of a pair of SOCK_SEQPACKET sockets."""
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        self.fd = next(world.fds)
-        world.ends[self.fd] = self
-        self.inbox: deque[bytes] = deque()
-        self.other: PairEnd
-        self.holders = 0
-        self.closed = False
-
-    def readable(self) -> bool:
-        return bool(self.inbox) or self.other.closed
-
-    def send(self, data: bytes) -> int:
-        if self.other.closed:
-            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
-        if len(self.other.inbox) >= PACKETS:
-            raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
-        self.other.inbox.append(bytes(data))
-        self.other.changed()
-        return len(data)
-
-    def recv(self) -> bytes:
-        if self.inbox:
-            return self.inbox.popleft()
-        if self.other.closed:
-            return b""
-        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
-
-    def drop(self) -> None:
-        self.holders -= 1
-        if self.holders == 0:
-            self.closed = True
-            self.other.changed()
-
-
-class Sockets(Shell):
-    """Socket pairs between processes; raw CAN sockets by `tests.dst.bus`."""
-
-    def __init__(self, world: World, can_socket: type | None = None) -> None:
-        super().__init__(world, socket)
-        self._can = can_socket
-        self.socket: Any = _Sock(world, can_socket)
-
-    def socketpair(self, *_: object) -> tuple[Holder, Holder]:
-        """Two connected ends."""
-        a, b = PairEnd(self._world), PairEnd(self._world)
-        a.other, b.other = b, a
-        return Holder(self._world, a), Holder(self._world, b)
-
-
-class _Sock:
-    """`socket.socket`, called."""
-
-    def __init__(self, world: World, can_socket: Any) -> None:
-        self._world, self._can = world, can_socket
-
-    def __call__(self, family: int = -1, *_: object, fileno: int | None = None) -> Any:
-        if fileno is not None:
-            return Holder(self._world, self._world.ends[fileno])
-        if family == socket.AF_CAN:
-            return self._can(self._world)
-        raise OSError(errno.EAFNOSUPPORT, f"no socket of family {family} here")
 
 
 class Pid(End):
@@ -352,85 +225,6 @@ class Select(Shell):
         return [each for each, end in fds.items() if end.readable()], [], []
 
 
-class Child:
-    """`subprocess.Popen` of one of the daemon's processes."""
-
-    def __init__(self, world: World, process: Process) -> None:
-        self._world, self.process, self.pid = world, process, process.pid
-
-    @property
-    def returncode(self) -> int | None:
-        return self.process.code
-
-    def wait(self, timeout: float = math.inf) -> int:
-        end = Pid(self._world, self.process)
-        until = self._world.now + timeout
-        while self.process.code is None:
-            self._world.block(until, [end])
-            if self.process.code is None and self._world.now >= until:
-                raise subprocess.TimeoutExpired(self.process.name, timeout)
-        return self.process.code
-
-    def kill(self) -> None:
-        self._world.kill(self.process, signal.SIGKILL)
-
-
-class Subprocesses(Shell):
-    """Starts simulated processes.
-
-    Args:
-        mains: By module, what it runs, and the range of its wake-up delays [s].
-    """
-
-    def __init__(
-        self, world: World, mains: Mapping[str, tuple[Callable[[], int], tuple[float, float]]]
-    ) -> None:
-        super().__init__(world, subprocess)
-        self._mains = mains
-        self.started: Callable[[Process], None] = lambda _: None
-
-    def Popen(self, command: list[str], **_: object) -> Child:
-        """`python -m MODULE ARGUMENTS`."""
-        _, _, module, arguments = command
-        main, latency = self._mains[module]
-        parent = self._world.me().process
-        text = inherited(self._world, arguments)
-        process = self._world.start(module.rpartition(".")[2], main, ["seod", text[0]], parent, latency)
-        process.held += text[1]
-        self.started(process)
-        return Child(self._world, process)
-
-
-INHERITED: set[int] = set()
-"""Real descriptors of simulated processes that are open."""
-
-
-class Descriptor:
-    """A real descriptor that a process inherits."""
-
-    def __init__(self, fd: int) -> None:
-        self.fd = fd
-        INHERITED.add(fd)
-
-    def give_back(self) -> None:
-        if self.fd in INHERITED:
-            INHERITED.discard(self.fd)
-            os.close(self.fd)
-
-
-def inherited(world: World, arguments: str) -> tuple[str, list[Any]]:
-    """A child's arguments with descriptors of its own, and what it holds by them."""
-    given = json.loads(arguments)
-    held: list[Any] = []
-    for name in ("config_fd", "shared_fd"):
-        given[name] = os.dup(given[name])
-        held.append(Descriptor(given[name]))
-    before, world.current = world.current, None
-    held.append(Holder(world, world.ends[given["supervisor_fd"]]))
-    world.current = before
-    return json.dumps(given), held
-
-
 class Sys(Shell):
     """Arguments and standard error of the simulated process."""
 
@@ -461,64 +255,3 @@ class _Stderr:
 
     def flush(self) -> None:
         """At once anyway."""
-
-
-class Threads(Shell):
-    """Threads as further tasks of their process."""
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world, threading)
-
-    def Thread(self, target: Callable[[], None], **_: object) -> Any:
-        """A thread that is not started yet."""
-        return _Thread(self._world, target)
-
-    def Event(self) -> Any:
-        """An event that threads wait for."""
-        return _Event(self._world)
-
-
-class _Thread(End):
-    def __init__(self, world: World, target: Callable[[], None]) -> None:
-        super().__init__(world)
-        self._target = target
-        self._alive = False
-
-    def readable(self) -> bool:
-        return not self._alive
-
-    def start(self) -> None:
-        self._alive = True
-
-        def run() -> None:
-            self._target()
-            self._alive = False
-            self.changed()
-
-        self.world.me().process.spawn(run)
-
-    def join(self, timeout: float) -> None:
-        until = self.world.now + timeout
-        while self._alive and self.world.now < until:
-            self.world.block(until, [self])
-
-    def is_alive(self) -> bool:
-        return self._alive
-
-
-class _Event(End):
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        self._set = False
-
-    def readable(self) -> bool:
-        return self._set
-
-    def set(self) -> None:
-        self._set = True
-        self.changed()
-
-    def wait(self, timeout: float) -> bool:
-        if not self._set:
-            self.world.block(self.world.now + timeout, [self])
-        return self._set
