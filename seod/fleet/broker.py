@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import ssl
-from contextlib import suppress
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +16,8 @@ from seod.config.tokens import located, too_open
 from seod.files.user_files import irregular
 
 if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
     import aiomqtt
 
     from seod.config.mqtt import MqttConfig
@@ -26,6 +29,8 @@ ANSWER_S: Final = 10.0
 FIRST_S: Final = 0.5
 LONGEST_S: Final = 15.0
 """Between two attempts to reach it [s]: at first, and at last."""
+GOODBYE_S: Final = 1.0
+"""For the last words to a broker that may hang [s]; chosen."""
 WINDOW: Final = 64
 """Messages that go before the first of them is confirmed."""
 _PASSWORD_BYTES: Final = 4096
@@ -164,7 +169,28 @@ def read_password(name: str) -> str:
     return password
 
 
-def give_up(client: aiomqtt.Client) -> None:
+@asynccontextmanager
+async def opened(client: aiomqtt.Client) -> AsyncIterator[None]:
+    """The connection open; closed with a word where the broker still hears, and its socket in any case.
+
+    Raises:
+        aiomqtt.MqttError: The broker cannot be reached.
+    """
+    import aiomqtt  # noqa: PLC0415 - an extra
+
+    try:
+        await client.__aenter__()
+        try:
+            yield
+        finally:
+            with suppress(aiomqtt.MqttError, TimeoutError):
+                async with asyncio.timeout(GOODBYE_S):
+                    await client.__aexit__(None, None, None)
+    finally:
+        _give_up(client)
+
+
+def _give_up(client: aiomqtt.Client) -> None:
     """Close the socket of a connection that never came to be: the library leaves it open."""
     with suppress(OSError, ValueError):
         inner = client._client

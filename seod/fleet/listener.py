@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 import aiomqtt
 
-from seod.fleet.broker import FIRST_S, LONGEST_S, give_up
+from seod.fleet.broker import FIRST_S, LONGEST_S, opened
 from seod.fleet.topics import ALL, NOTHING, encode, topic_of
 
 if TYPE_CHECKING:
@@ -23,7 +22,6 @@ BATCH: Final = 500
 """Messages that are written to the disk at once, at most."""
 CONFIRM_S: Final = 2.0
 """Between two confirmations to one rig [s]."""
-GOODBYE_S: Final = 1.0
 
 
 class Listener:
@@ -81,21 +79,11 @@ class Listener:
         client = self._broker.client(self._identity, clean=self._files is None)
         if self._files is not None:  # the broker is told only what is on the disk
             client._client.manual_ack_set(on=True)
-        try:
-            await client.__aenter__()
-        except BaseException:
-            give_up(client)
-            raise
-        try:
+        async with opened(client):
             await client.subscribe(ALL, qos=1)
             self.connected = True
             self._say(f"the broker at {self._broker.address} is there")
             await self._hear(client)
-        finally:
-            with suppress(aiomqtt.MqttError, TimeoutError):
-                async with asyncio.timeout(GOODBYE_S):
-                    await client.__aexit__(None, None, None)
-            give_up(client)
 
     async def _hear(self, client: aiomqtt.Client) -> None:
         messages = client.messages

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import aiomqtt
 
-from seod.fleet.broker import FIRST_S, LONGEST_S, WINDOW, give_up
+from seod.fleet.broker import FIRST_S, GOODBYE_S, LONGEST_S, WINDOW, opened
 from seod.fleet.topics import decode, encode, key_of, topic_of
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 UNDER_WAY: Final = 8
 """Commands in work; more are not taken."""
-GOODBYE_S: Final = 1.0
 
 
 class Publisher:
@@ -83,23 +82,14 @@ class Publisher:
         rig = self._outbox.rig
         will = aiomqtt.Will(topic_of(rig, "death"), encode(self._death("gone")), qos=1, retain=True)
         client = self._broker.client(f"seod-{rig}", will)
-        try:
-            await client.__aenter__()
-        except BaseException:
-            give_up(client)
-            raise
-        try:
-            await self._serve(client)
-        except asyncio.CancelledError:
-            with suppress(aiomqtt.MqttError, TimeoutError):
-                async with asyncio.timeout(GOODBYE_S):
-                    await self._publish(client, "death", encode(self._death("ended")), retain=True)
-            raise
-        finally:
-            with suppress(aiomqtt.MqttError, TimeoutError):
-                async with asyncio.timeout(GOODBYE_S):
-                    await client.__aexit__(None, None, None)
-            give_up(client)
+        async with opened(client):
+            try:
+                await self._serve(client)
+            except asyncio.CancelledError:
+                with suppress(aiomqtt.MqttError, TimeoutError):
+                    async with asyncio.timeout(GOODBYE_S):
+                        await self._publish(client, "death", encode(self._death("ended")), retain=True)
+                raise
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         rig = self._outbox.rig
