@@ -337,8 +337,9 @@ def log_in(page: Any, token: str) -> None:
     page.until(lambda: page.js("document.querySelectorAll('input[name=token]').length"), "no login")
     field = page.driver.find_element("name", "token")
     field.send_keys(token)
+    page.js("window.before = true")
     field.submit()
-    time.sleep(0.3)
+    page.until(lambda: page.js("window.before === undefined"), "the answer's page never came")
 
 
 def test_scpi_over_tls_wants_a_token(locked: PanelRig) -> None:
