@@ -21,7 +21,7 @@ export class Controls {
       at(op).onclick = () => this.try(() => wire.ask(op, this.which()), `${op}: done`);
     }
     at("settings").onsubmit = (event) => { event.preventDefault(); this.set(); };
-    if (!about.command) for (const id of ["take", "release", "start", "stop", "reset"]) at(id).disabled = true;
+    if (about.command) for (const id of ["start", "stop", "reset"]) at(id).disabled = false; // the page begins with none
     wire.hear("event", (event) => {
       if (event.event === "changed" && event.axis === this.axis) this.fill(event.values);
     });
