@@ -9,7 +9,7 @@ const EVERY_MS = 2000;
 
 export class Recordings {
   constructor(wire, about) {
-    this.wire = wire; this.about = about; this.visible = false; this.recorder = null;
+    this.wire = wire; this.about = about; this.visible = false; this.recorder = null; this.rows = new Map();
     wire.hear("health", (health) => { this.recorder = health.recorder; this.tell(); });
     at("record").onclick = () => this.toggle();
     at("record").disabled = !about.command;
@@ -36,15 +36,31 @@ export class Recordings {
   async list() {
     if (!this.visible) return;
     const got = await (await fetch("/api/recordings")).json();
-    if (got.error) { at("recordings").replaceChildren(make("tr", {}, make("td", {}, got.error))); return; }
-    const text = JSON.stringify(got);
-    if (text === this.listed) return;
-    this.listed = text;
-    at("recordings").replaceChildren(...got.recordings.map((each) => make("tr", {},
-      make("td", {}, make("a", { href: `/api/recordings/${encodeURIComponent(each.name)}`, download: each.name }, each.name)),
-      make("td", { class: "number" }, `${figure(each.bytes / 1e6, 3)} MB`), make("td", {}, new Date(1000 * each.changed).toLocaleString()),
-      make("td", {}, make("button", { type: "button", onclick: () => this.replay(each.name) }, "Replay"), " ",
-        make("button", { type: "button", onclick: () => this.diagnose(each.name) }, "Diagnose")))));
+    if (got.error) {
+      this.rows.clear();
+      at("recordings").replaceChildren(make("tr", {}, make("td", {}, got.error)));
+      return;
+    }
+    // A row stays the same element while its recording is there: a press on its button is not lost to a refresh.
+    const rows = got.recordings.map((each) => {
+      const row = this.rows.get(each.name) || this.row(each.name);
+      row.bytes.textContent = `${figure(each.bytes / 1e6, 3)} MB`;
+      row.changed.textContent = new Date(1000 * each.changed).toLocaleString();
+      return [each.name, row];
+    });
+    const names = (all) => JSON.stringify([...all].map(([name]) => name));
+    const same = names(rows) === names(this.rows);
+    this.rows = new Map(rows);
+    if (!same) at("recordings").replaceChildren(...rows.map(([, row]) => row.whole));
+  }
+
+  row(name) {
+    const bytes = make("td", { class: "number" }), changed = make("td", {});
+    const whole = make("tr", {},
+      make("td", {}, make("a", { href: `/api/recordings/${encodeURIComponent(name)}`, download: name }, name)), bytes, changed,
+      make("td", {}, make("button", { type: "button", onclick: () => this.replay(name) }, "Replay"), " ",
+        make("button", { type: "button", onclick: () => this.diagnose(name) }, "Diagnose")));
+    return { whole, bytes, changed };
   }
 
   async diagnose(name) {
