@@ -83,7 +83,10 @@ def efficiency(folder: Path, rounds: int, rows: int, count: int) -> None:
                 told.append(time.perf_counter() - began)
                 shares.append(tasks_s / (used_s() - before))
             pairs.append(told)
-            print(f"  {count} x identify of {rows} rows: 1 worker {told[0]:.2f} s, 2 workers {told[1]:.2f} s", flush=True)
+            print(
+                f"  {count} x identify of {rows} rows: 1 worker {told[0]:.2f} s, 2 workers {told[1]:.2f} s",
+                flush=True,
+            )
     middle = statistics.median(one_s / two_s / 2.0 for one_s, two_s in pairs)
     fastest = min(one_s for one_s, _ in pairs) / min(two_s for _, two_s in pairs) / 2.0
     print(
@@ -134,6 +137,7 @@ def growth(folder: Path) -> None:
     read = kinds.Kind(lambda path, _: (seod.read(path).to_dict(), b""), {"rows": ("rows",)}, seod.identify)
     kinds.KINDS["read"] = read
     for kind, counts in (("read", GROWTH), ("identify", GROWTH[:3])):
+        _grown(folder / "before", kind, GROWTH[0])  # libraries are loaded and files opened for the first time
         seconds = [_grown(folder, kind, count) for count in counts]
         slope = np.polyfit(np.log(counts), np.log(seconds), 1)[0]
         for count, each in zip(counts, seconds, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,4 +71,13 @@ def deadly(item: int) -> int:
     """A task of which one kills the worker that does it, every time."""
     if item == DEADLY:
         os.kill(os.getpid(), signal.SIGKILL)
+    return item * item
+
+
+def greedy(item: int) -> int:
+    """A task of which one takes more and more memory, 2.5 GB in 5 s, every time."""
+    held = []
+    for _ in range(250 if item == DEADLY else 0):
+        held.append(np.ones(1_250_000))
+        time.sleep(0.02)
     return item * item

@@ -195,22 +195,23 @@ def test_a_scheduler_that_is_started_again_gets_all_that_was_under_way(recording
 
 SCRIPT = """
 import json, sys
-from batch_tasks import deadly
+import batch_tasks
 from seod.batch.cluster import OnDask
 from seod.batch.executor import completed
 
 if __name__ == "__main__":
-    with OnDask(workers=2, dashboard=None) as executor:
-        done = dict(completed(executor, deadly, range(12)))
+    with OnDask(workers=2, memory=sys.argv[2], dashboard=None) as executor:
+        done = dict(completed(executor, getattr(batch_tasks, sys.argv[1]), range(12)))
     print(json.dumps({item: getattr(result, "why", result) for item, result in done.items()}))
 """
 
 
-def test_a_task_that_kills_its_workers_fails_and_no_other(tmp_path):
+@pytest.mark.parametrize(("task", "memory"), [("deadly", "auto"), ("greedy", "500 MB")])
+def test_a_task_that_kills_its_workers_or_takes_their_memory_fails_and_no_other(tmp_path, task, memory):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     done = subprocess.run(
-        [sys.executable, "-W", "error", script],
+        [sys.executable, "-W", "error", script, task, memory],
         env=ENVIRONMENT,
         capture_output=True,
         text=True,
@@ -237,3 +238,23 @@ def test_a_scheduler_that_never_answers_is_told(recordings, tmp_path):
         timeout=60,
     )
     assert "StoppedError: no scheduler answers at tcp://127.0.0.1:" in done.stderr
+
+
+def test_the_paper_is_the_same_bytes_whoever_computes_it(started, tmp_path):
+    port = free_port()
+    scheduler(started, port, tmp_path / "scheduler.log")
+    until("the scheduler listens", lambda: port_open(port))
+    worker(started, port, tmp_path / "worker.log")
+    ways = {
+        "alone": ("--workers", "0"),
+        "two": ("--workers", "2"),
+        "scheduler": ("--scheduler", f"tcp://127.0.0.1:{port}"),
+    }
+    told = {}
+    for name, options in ways.items():
+        command = [SEOD, "paper", "--figure", "4", "--figure", "10", "--out", tmp_path / name, *options]
+        subprocess.run(command, check=True, capture_output=True, env=ENVIRONMENT, timeout=200)
+        told[name] = written(tmp_path / name)
+    assert set(told["alone"]) >= {"paper.json", "paper.html", "figure-4.svg", "figure-10.svg"}
+    assert told["two"] == told["alone"]
+    assert told["scheduler"] == told["alone"]

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import paho.mqtt.client as mqtt
 import pytest
 
+from seod.archive.build import build
+from seod.archive.sql import ask
 from tests.chromium import chromium
 from tests.mosquitto import Mosquitto, mosquitto
-from tests.peers import Program, Rpc, find_process, free_port, kill, port_of, until, write_rig_file
+from tests.peers import SEOD, Program, Rpc, find_process, free_port, kill, port_of, until, write_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -187,6 +189,10 @@ def test_nothing_is_lost_or_archived_twice_whatever_is_killed(tmp_path: Path, br
     try:
         with daemon(in_fleet(tmp_path, broker.port, "archive: hall")) as rig:
             rig.rpc.call("start")
+            until("the listener's files", lambda: archive.exists())
+            second = subprocess.run([SEOD, *watch], capture_output=True, text=True, check=False, timeout=60)
+            assert second.returncode == 1
+            assert "another `seod fleet` appends to this archive" in second.stderr
             until("estimates", lambda: estimates() > 5)
             for _ in range(2):
                 broker.kill()
@@ -219,6 +225,10 @@ def test_nothing_is_lost_or_archived_twice_whatever_is_killed(tmp_path: Path, br
     row = next(row for row in rows() if row["kind"] == "estimate" and row["quality"] == "ok")
     assert row["unit"] == "rad"
     assert abs(row["omega_n"] - 117) < 6
+    build(archive)
+    told = ask(archive, "SELECT count(*) AS n, median(omega_n) AS omega_n FROM fleet").to_pylist()[0]
+    assert told["n"] == len(kept)
+    assert abs(told["omega_n"] - 117) < 6
 
 
 def keys_of_rows(rows: list[Json]) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from seod.archive import reports
+from seod.archive import live, reports
 from seod.archive.days import Days
 from seod.archive.engines import engine
 from seod.archive.layout import FOLDER
@@ -43,12 +43,14 @@ class Built:
         read: Of these, read now.
         gone: In the catalogue, and not there any more.
         problems: Recordings read now that could not be read whole, with the reason.
+        days: Of what a fleet has told, read now.
     """
 
     files: int
     read: int
     gone: int
     problems: dict[str, str] = field(default_factory=dict)
+    days: int = 0
 
 
 def _silent(_step: str, _part: float) -> None:
@@ -92,8 +94,9 @@ def build(
                 problems |= {row["file"]: row["problem"] for row in rows if row.get("problem")}
                 renew()
         _merge(days, staged, present, told, renew)
+        told_days = live.catch_up(store, _step("reading what the fleet told", told, renew))
     known = set().union(*days.files.values())
-    return Built(len(recordings), len(work), len(known - present), problems)
+    return Built(len(recordings), len(work), len(known - present), problems, told_days)
 
 
 def _is_recording(name: str) -> bool:
@@ -126,9 +129,13 @@ def _stamps(table: Any) -> dict[str, str]:
 
 
 def _merge(days: Days, staged: Staged, present: set[str], told: Told, renew: Callable[[], None]) -> None:
+    days.merge(staged.table(), present, _step("writing the catalogue", told, renew))
+    staged.clear()
+
+
+def _step(name: str, told: Told, renew: Callable[[], None]) -> Callable[[float], None]:
     def step(part: float) -> None:
         renew()
-        told("writing the catalogue", part)
+        told(name, part)
 
-    days.merge(staged.table(), present, step)
-    staged.clear()
+    return step

@@ -1,19 +1,20 @@
-"""Questions in SQL: DuckDB sees the catalogue as the view `segments`, and nothing else of this machine."""
+"""Questions in SQL: DuckDB sees the catalogue as the views `segments` and `fleet`, and nothing else of this machine."""
 
 from __future__ import annotations
 
 import os
 from typing import TYPE_CHECKING, Any, Final
 
+from seod.archive import live
 from seod.archive.catalogue import dataset
 from seod.archive.engines import ArchiveError, engine
+from seod.archive.layout import schema
 from seod.archive.store import Store
 from seod.files.damage import said
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-VIEW: Final = "segments"
 _CLOSED: Final = (
     "SET TimeZone='UTC'",
     "SET enable_external_access=false",
@@ -27,16 +28,18 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
 
     Args:
         where: The archive: a folder or a URL.
-        sql: Of DuckDB's dialect; the rows are in `segments` (columns: `seod.archive.layout`).
+        sql: Of DuckDB's dialect; the rows are in `segments` (columns: `seod.archive.layout`), what a fleet has
+            told in `fleet` (`seod.archive.live`).
         parameters: Values of `$name` in it.
 
     Raises:
         ArchiveError: There is no catalogue, or DuckDB refuses the question: its own words, with the place.
     """
     duckdb, pa = engine("duckdb"), engine("pyarrow")
-    rows = dataset(Store(where))
+    views = _views(Store(where))
     with duckdb.connect(":memory:") as connection:
-        connection.register(VIEW, rows)
+        for name, rows in views.items():
+            connection.register(name, rows)
         for statement in _CLOSED:
             connection.execute(statement)
         try:
@@ -46,6 +49,20 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
             raise ArchiveError(_with_place(connection, sql, parameters) or str(error)) from error
         except pa.ArrowException as error:  # a day's file that is damaged
             raise ArchiveError(f"{os.fspath(where)}: the catalogue cannot be read: {said(error)}") from error
+
+
+def _views(store: Store) -> dict[str, Any]:
+    told = live.files(store)
+    try:
+        segments = dataset(store)
+    except ArchiveError:
+        if not told:
+            raise
+        segments = schema().empty_table()
+    messages = live.empty()
+    if told:
+        messages = engine("pyarrow.dataset").dataset(told, schema=messages.schema, filesystem=store.arrow())
+    return {"segments": segments, "fleet": messages}
 
 
 def _with_place(connection: Any, sql: str, parameters: Mapping[str, Any] | None) -> str:

@@ -104,7 +104,8 @@ def build(
                 problems |= build_now(where, count, identify, told).problems
                 problems |= {file: f"is not diagnosed: {why}" for file, why in silent.items()}
         gone = f", {built.gone} gone" if built.gone else ""
-        show(f"{where}: {built.files} recordings, {built.read} read now{gone}")
+        days = f"; {built.days} days of the fleet" if built.days else ""
+        show(f"{where}: {built.files} recordings, {built.read} read now{gone}{days}")
         _tell(problems)
     if problems:
         raise typer.Exit(PROBLEMS)
@@ -126,11 +127,13 @@ def _tell(problems: Mapping[str, str]) -> None:
 @archive.command()
 def query(
     where: Where,
-    sql: Annotated[str, typer.Argument(metavar="SQL", help="Over the view `segments`.", show_default=False)],
+    sql: Annotated[
+        str, typer.Argument(metavar="SQL", help="Over the views `segments` and `fleet`.", show_default=False)
+    ],
     to: Form = None,
     out: Out = None,
 ) -> None:
-    """Ask the catalogue in SQL (DuckDB), over the view `segments`; nothing is written by it."""
+    """Ask the catalogue in SQL (DuckDB), over `segments` and what the `fleet` told; nothing is written by it."""
     with _asking():
         from seod.archive.sql import ask  # noqa: PLC0415 - duckdb
 

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from seod.commands.answers import asking
-from seod.commands.common import MOST_S, MOST_V, Between, Columns, CommandError, Gain, Units, app, load, show
+from seod.commands.common import (
+    MOST_S,
+    MOST_V,
+    MOST_WORKERS,
+    Between,
+    Columns,
+    CommandError,
+    Gain,
+    Units,
+    app,
+    load,
+    show,
+)
 from seod.commands.quantity import hertz, seconds, volts
 
 if TYPE_CHECKING:
@@ -16,7 +28,6 @@ if TYPE_CHECKING:
 
 MOST_TOLD = 20
 """Failures that are printed; the table has all."""
-MOST_WORKERS = 1000
 
 
 @app.command()

@@ -136,6 +136,8 @@ MOST_S = 1e9
 """Longest time that anyone can mean [s]: 30 years."""
 MOST_V = 1e4
 """Largest voltage that anyone can mean [V]: a thousand times that of an amplifier."""
+MOST_WORKERS = 1000
+"""Most processes that one machine is asked for."""
 MOST_SEED = 2**63 - 1
 Duration = Annotated[
     float | None,

@@ -1,11 +1,14 @@
 """What a listener keeps: a file of JSON lines for each day (UTC), nothing twice, whatever kills the listener.
 
-A line has the columns of the recordings' catalogue where they apply, so that both are asked alike. Lines are
-written and synced before the broker is told that they are here: what a kill tears off comes again.
+A line has the columns of the recordings' catalogue where they apply, so that both are asked alike once
+`seod archive` has taken them in (`seod.archive.live`). Lines are written and synced before the broker is
+told that they are here: what a kill tears off comes again. One listener at a time has the files.
 """
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 import os
 from datetime import UTC, datetime
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 FOLDER: Final = "fleet"
 """In the archive's folder."""
 CURSOR: Final = "cursor.json"
+LOCK: Final = "listener.lock"
 ENDING: Final = ".jsonl"
 SAVE_LINES: Final = 5000
 """After so many lines it is written down how far each rig came: at most these are read after a kill."""
@@ -35,12 +39,13 @@ class DayFiles:
         archive: Its folder; made if it is not there.
 
     Raises:
-        OSError: It cannot be used.
+        OSError: It cannot be used, or another listener has it.
     """
 
     def __init__(self, archive: Path) -> None:
         self._folder = archive / FOLDER
         self._folder.mkdir(parents=True, exist_ok=True)
+        self._lock = _locked(self._folder / LOCK)
         self.last: dict[str, Key] = {}
         """Key of the newest line of each rig."""
         self.torn = 0
@@ -67,6 +72,17 @@ class DayFiles:
         self._lines += sum(map(len, texts.values()))
         if self._lines >= SAVE_LINES:
             self.save()
+
+    def close(self) -> None:
+        """Write down how far each rig came, and let another listener have the files.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        try:
+            self.save()
+        finally:
+            os.close(self._lock)
 
     def _append(self, name: str, data: bytes) -> None:
         path = self._folder / name
@@ -126,6 +142,22 @@ class DayFiles:
             return
         if key is not None:
             self.last[rig] = max(key, self.last.get(rig, key))
+
+
+def _locked(path: Path) -> int:
+    """A descriptor that holds the lock until it is closed, or its process ends.
+
+    Raises:
+        OSError: Another process holds it.
+    """
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(fd)
+        why = "another `seod fleet` appends to this archive"
+        raise BlockingIOError(errno.EWOULDBLOCK, why, str(path.parent)) from error
+    return fd
 
 
 def row_of(heard: Heard) -> dict[str, Any]:

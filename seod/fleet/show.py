@@ -140,7 +140,7 @@ async def watch(
         pass  # the time is up
     finally:
         if files is not None:
-            files.save()
+            files.close()
 
 
 async def _draw(board: Board) -> None:

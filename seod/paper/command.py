@@ -1,18 +1,21 @@
-"""`seod paper`: computes the figures, two at a time, and writes pictures, numbers and one page."""
+"""`seod paper`: computes the figures, two at a time or on a scheduler's workers; writes pictures, numbers, a page."""
 
 from __future__ import annotations
 
 import json
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
+from seod.batch.door import LOCAL, door
+from seod.batch.executor import Failed, StoppedError, completed
+from seod.batch.processes import Processes
 from seod.paper.words import SAYS, TITLES, shows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
+
+    from seod.batch.executor import Executor
 
 Numbers = dict[str, Any]
 
@@ -62,17 +65,33 @@ def compute(figure: str) -> Numbers:
     return kept
 
 
-def compute_all(chosen: Sequence[str], show: Callable[[str, float], None]) -> dict[str, Numbers]:
-    """The numbers of these figures, in two processes; `show` takes what has just come and how far all is."""
+def executor(scheduler: str = LOCAL, workers: int | None = None) -> Executor:
+    """Who computes: processes of this machine, this one alone (0 workers), or a scheduler's workers.
+
+    Raises:
+        ValueError, ImportError: As of `seod.batch.door.door`.
+    """
+    if scheduler == LOCAL and workers != 0:
+        return Processes(workers or WORKERS)
+    return door(scheduler, workers)
+
+
+def compute_all(
+    chosen: Sequence[str], show: Callable[[str, float], None], by: Executor
+) -> dict[str, Numbers]:
+    """The numbers of these figures; `show` takes what has just come and how far all is.
+
+    Raises:
+        StoppedError: A figure could not be computed, or whoever computes has gone.
+    """
     order = [name for name in WEIGHTS if name in chosen]
     whole, done, found = sum(WEIGHTS[name] for name in order), 0, dict[str, Numbers]()
-    context = multiprocessing.get_context("spawn")
     show(f"{len(order)} figures", 0.0)
-    with ProcessPoolExecutor(min(WORKERS, len(order)), mp_context=context) as pool:
-        waiting = {pool.submit(compute, name): name for name in order}
-        for future in as_completed(waiting):
-            name = waiting[future]
-            found[name] = future.result()
+    with by:
+        for name, numbers in completed(by, compute, order):
+            if isinstance(numbers, Failed):
+                raise StoppedError(f"figure {name}: {numbers.why}")
+            found[name] = numbers
             done += WEIGHTS[name]
             show(TITLES[name].partition(":")[0], done / whole)
     return {name: found[name] for name in TITLES if name in found}

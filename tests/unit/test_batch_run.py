@@ -10,8 +10,10 @@ from collections import deque
 from pathlib import Path
 
 import pytest
+from batch_tasks import write_recordings
 from test_cli import invoke
 
+import seod
 from seod.batch import kinds
 from seod.batch.door import door
 from seod.batch.executor import AHEAD, Failed, Here, StoppedError, attempted, completed
@@ -261,3 +263,16 @@ def test_simulated_recordings_are_the_same_in_each_run_and_can_be_asked(tmp_path
         "seed-000000.csv.gz",
         "seed-000001.csv.gz",
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "options"), [("diagnose", {"effort": "quick"}), ("response", {})])
+def test_an_answer_in_a_batch_is_that_of_the_python_interface(tmp_path, monkeypatch, kind, options):
+    monkeypatch.undo()  # the real questions
+    write_recordings(tmp_path / "recordings", 1, 3000)
+    with Batch(kind, [tmp_path / "recordings"], tmp_path / "out", options) as batch:
+        outcome = batch.run(Here())
+    assert outcome.failures == {}
+    told = json.loads((tmp_path / "out" / kind / "run-00000.csv.json").read_text())
+    path = tmp_path / "recordings" / "run-00000.csv"
+    assert told["answer"] == getattr(seod, kind)(path, **options).to_dict()

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from seod.batch.executor import StoppedError
 from seod.cli import app
 from seod.paper import command, pictures, words
 from seod.paper.bench import Bench, rig
@@ -168,3 +169,25 @@ def test_an_unknown_figure_is_told():
     result = CliRunner().invoke(app, ["paper", "--figure", "5"])
     assert result.exit_code == 2 or result.exit_code == 1
     assert "there are 4, 10" in result.output
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--scheduler", "host:8786"), "give local, or an address"),
+        (("--scheduler", "tcp://host:8786", "--workers", "2"), "has its own"),
+    ],
+)
+def test_a_scheduler_that_is_none_is_refused(options, said):
+    result = CliRunner().invoke(app, ["paper", *options])
+    assert result.exit_code == 1
+    assert said in str(result.exception or "") + result.output
+
+
+def test_a_figure_that_cannot_be_computed_is_told(monkeypatch):
+    def fails(_figure):
+        raise PaperError("the rig stands still")
+
+    monkeypatch.setattr(command, "compute", fails)
+    with pytest.raises(StoppedError, match="figure 4: PaperError: the rig stands still"):
+        command.compute_all(["4"], lambda *_: None, command.executor(workers=0))
