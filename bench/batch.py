@@ -40,7 +40,7 @@ from seod.batch.run import Batch
 
 PARTS = ("efficiency", "overhead", "growth")
 ROUNDS = ((3000, 40), (60_000, 16))
-"""Rows of a recording at 1 kHz, and how many make a round: identify takes 0.1 s of 3 s, and more of a minute."""
+"""Rows of a recording at 1 kHz, and recordings of a round: identify takes 0.1 s of 3 s, 1.2 s of a minute."""
 SLOTS = 64
 WAIT_S = 1.0
 GROWTH = (10, 100, 1000, 10_000)

@@ -189,7 +189,7 @@ def test_nothing_is_lost_or_archived_twice_whatever_is_killed(tmp_path: Path, br
     try:
         with daemon(in_fleet(tmp_path, broker.port, "archive: hall")) as rig:
             rig.rpc.call("start")
-            until("the listener's files", lambda: archive.exists())
+            until("the listener's files", archive.exists)
             second = subprocess.run([SEOD, *watch], capture_output=True, text=True, check=False, timeout=60)
             assert second.returncode == 1
             assert "another `seod fleet` appends to this archive" in second.stderr

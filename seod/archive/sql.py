@@ -1,4 +1,4 @@
-"""Questions in SQL: DuckDB sees the catalogue as the views `segments` and `fleet`, and nothing else of this machine."""
+"""Questions in SQL: DuckDB sees the views `segments` and `fleet`, and nothing else of this machine."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
 
     Args:
         where: The archive: a folder or a URL.
-        sql: Of DuckDB's dialect; the rows are in `segments` (columns: `seod.archive.layout`), what a fleet has
-            told in `fleet` (`seod.archive.live`).
+        sql: Of DuckDB's dialect; recordings are in `segments` (columns: `seod.archive.layout`), what a fleet
+            told is in `fleet` (`seod.archive.live`).
         parameters: Values of `$name` in it.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Tasks in processes of this machine, without Dask: for work of minutes that starts anew if one of them dies."""
+"""Tasks in processes of this machine, without Dask: for work of minutes; one that dies ends it all."""
 
 from __future__ import annotations
 

@@ -128,12 +128,12 @@ def _tell(problems: Mapping[str, str]) -> None:
 def query(
     where: Where,
     sql: Annotated[
-        str, typer.Argument(metavar="SQL", help="Over the views `segments` and `fleet`.", show_default=False)
+        str, typer.Argument(metavar="SQL", help="Over `segments` and `fleet`.", show_default=False)
     ],
     to: Form = None,
     out: Out = None,
 ) -> None:
-    """Ask the catalogue in SQL (DuckDB), over `segments` and what the `fleet` told; nothing is written by it."""
+    """Ask the catalogue in SQL (DuckDB), over `segments` and `fleet`; nothing is written by it."""
     with _asking():
         from seod.archive.sql import ask  # noqa: PLC0415 - duckdb
 

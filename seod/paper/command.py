@@ -1,4 +1,4 @@
-"""`seod paper`: computes the figures, two at a time or on a scheduler's workers; writes pictures, numbers, a page."""
+"""`seod paper`: computes the figures in several processes; writes pictures, numbers and one page."""
 
 from __future__ import annotations
 
