@@ -1,4 +1,7 @@
-"""Runs `tests/vm/guest` once, each file in a guest with real SocketCAN and systemd; reports each test.
+"""Runs `tests/vm/guest` once, in guests with real SocketCAN and systemd; reports each test.
+
+A guest takes a minute until its first daemon ticks, so that files share one. Those that install the service
+have one of their own.
 
 Not everyone can start the guest: it needs root and Debian's packages. Where it cannot run these tests are
 skipped; SEOD_REQUIRE_VM=1 makes that a failure, SEOD_SKIP_VM=1 leaves them out.
@@ -24,11 +27,14 @@ from tests.wheels import houses
 REPO = Path(__file__).parents[2]
 GUEST = Path(__file__).with_name("guest")
 HOUSES = REPO / ".pytest_cache" / "wheelhouses"
-NAMES = sorted((path.stem for path in GUEST.glob("test_*.py")), reverse=True)
-"""The slowest, `test_unit`, first: the last one has no other beside it."""
+NAMES = sorted(path.stem for path in GUEST.glob("test_*.py"))
+INSTALLING = ("test_unit", "test_upgrade", "test_service")
+SHARING = [name for name in NAMES if name not in INSTALLING]
 GUESTS = 2
 """Guests at a time: each has one processor."""
-LIMIT_S = 480
+SETS = [*(SHARING[k::GUESTS] for k in range(GUESTS)), *([name] for name in INSTALLING)]
+"""Files of each guest; the longest guests first: the last one has no other beside it."""
+LIMIT_S = 900
 """Of one of them."""
 ALL_S = 2400
 
@@ -55,16 +61,17 @@ def why_not() -> str:
     return ""
 
 
-def read_report(path: Path) -> list[Result]:
-    """The guest's results."""
-    results = []
+def read_report(path: Path, names: list[str]) -> dict[str, list[Result]]:
+    """The guest's results, by file."""
+    results: dict[str, list[Result]] = {name: [] for name in names}
     for case in ET.parse(path).iter("testcase"):
         problems = [e for e in case if e.tag in ("failure", "error", "skipped")]
         outcome = "passed"
         if problems:
             outcome = "skipped" if all(e.tag == "skipped" for e in problems) else "failed"
         text = "\n".join(f"{e.get('message') or ''}\n{e.text or ''}" for e in problems)
-        results.append(Result(case.get("name", ""), outcome, text))
+        name = case.get("classname", "").rpartition(".")[2]
+        results[name].append(Result(case.get("name", ""), outcome, text))
     return results
 
 
@@ -82,27 +89,29 @@ def guest_report() -> dict[str, list[Result]]:
     HOUSES.mkdir(parents=True)
     houses(HOUSES)
     with ThreadPoolExecutor(GUESTS) as guests:
-        return dict(zip(NAMES, guests.map(run_patiently, NAMES), strict=True))
+        return {name: results for told in guests.map(run_patiently, SETS) for name, results in told.items()}
 
 
-def run_patiently(name: str) -> list[Result]:
-    """As `run_guest`; once more where something failed while the host took the machine's time."""
+def run_patiently(names: list[str]) -> dict[str, list[Result]]:
+    """As `run_guest`; what failed while the host took the machine's time once more."""
     before = stolen_s()
-    results = run_guest(name)
+    told = run_guest(names)
     taken = stolen_s() - before
-    if taken >= STOLEN_S and any(result.outcome == "failed" for result in results):
-        note_again(name, taken)
-        results = run_guest(name)
-    return results
+    again = [name for name in names if any(result.outcome == "failed" for result in told[name])]
+    if taken >= STOLEN_S and again:
+        for name in again:
+            note_again(name, taken)
+        told |= run_guest(again)
+    return told
 
 
-def run_guest(name: str) -> list[Result]:
-    """What a guest of its own says of a file."""
-    report = REPO / ".pytest_cache" / f"guest_{name}.xml"
+def run_guest(names: list[str]) -> dict[str, list[Result]]:
+    """What one guest says of these files."""
+    report = REPO / ".pytest_cache" / f"guest_{names[0]}.xml"
     report.parent.mkdir(exist_ok=True)
     report.unlink(missing_ok=True)
-    tests = str(GUEST / f"{name}.py")
-    command = [sys.executable, "-m", "pytest", tests, f"--junitxml={report}", "-p", "no:cacheprovider"]
+    tests = [str(GUEST / f"{name}.py") for name in names]
+    command = [sys.executable, "-m", "pytest", *tests, f"--junitxml={report}", "-p", "no:cacheprovider"]
     run = subprocess.run(
         [GUEST.with_name("canvm.sh"), "-s", REPO, "-t", str(LIMIT_S), "--", *command],
         cwd=REPO,
@@ -116,8 +125,8 @@ def run_guest(name: str) -> list[Result]:
     print(run.stdout)
     if not report.exists():
         said = f"the guest gave no results (exit code {run.returncode}):\n{run.stdout}"
-        return [Result("all", "failed", said)]
-    return read_report(report)
+        return {name: [Result("all", "failed", said)] for name in names}
+    return read_report(report, names)
 
 
 @pytest.mark.parametrize("name", NAMES)
