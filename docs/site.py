@@ -45,9 +45,25 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     return re.sub(r"\]\((\.\./)?decisions\)", r"](\1decisions/index.md)", markdown)
 
 
+EXIT_CODES = [
+    "| exit code | means |",
+    "| --- | --- |",
+    "| 0 | done |",
+    "| 1 | refused or failed; stderr has the reason, in a sentence |",
+    "| 2 | wrong usage |",
+    "| 78 | `seod run`: the rig file is wrong |",
+    "| 130 | ended by Ctrl-C |",
+    "| 141 | the reader of a pipe left, such as `head`: ended by SIGPIPE, without a message |",
+    "",
+    "`seod archive` has [its own](../archive.md).",
+    "",
+]
+
+
 def commands() -> str:
     """Every command with its options, as `--help` tells them."""
     lines = ["# Commands", "", "Options that are numbers take a unit: `0.5`, `400 mV`, `4 ms`.", ""]
+    lines += EXIT_CODES
     for name in names():
         text = CliRunner().invoke(app, [*name.split(), "--help"], prog_name="seod").stdout
         lines += [f"## seod {name}", "", "```text", text.strip(), "```", ""]

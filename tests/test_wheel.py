@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import seod
+from tests import wheels
 
 REPO = Path(__file__).parents[1]
 
@@ -24,11 +25,7 @@ SHIPPED = {
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built wheel."""
-    out = tmp_path_factory.mktemp("dist")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(REPO)]
-    subprocess.run(build, check=True, capture_output=True)
-    (path,) = out.glob("*.whl")
-    return path
+    return wheels.built(tmp_path_factory.mktemp("dist"))
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +84,57 @@ def test_shipped_files_are_found(folder: str, installed: Path, tmp_path: Path) -
 
 def test_command_says_its_version(installed: Path, tmp_path: Path) -> None:
     assert seod.__version__ in run([installed / "seod", "--version"], tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_pipx_installs_it_for_one_user(wheel: Path, tmp_path: Path) -> None:
+    """Dependencies are this environment's: only pipx's own pip comes from the index."""
+    own = wheels.with_these_packages(tmp_path / "wheels", wheel)
+    folders = {"PIPX_HOME": "pipx", "PIPX_BIN_DIR": "bin", "PIPX_MAN_DIR": "man"}
+    environment = os.environ | {name: str(tmp_path / folder) for name, folder in folders.items()}
+    environment.pop("PYTHONPATH", None)
+    pipx = [sys.executable, "-m", "pipx"]
+    subprocess.run([*pipx, "upgrade-shared"], env=environment, check=True)
+    offline = environment | {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(own.parent)}
+    words = [*pipx, "install", "--backend", "pip", "--python", sys.executable, str(own)]
+    subprocess.run(words, env=offline, cwd=tmp_path, check=True)
+    command = tmp_path / "bin" / "seod"
+    assert seod.__version__ in run([command, "--version"], tmp_path)
+    (tmp_path / "run.csv").write_text(recording())
+    assert "omega_n" in run([command, "identify", "run.csv", "--units", "y=rad", "--json"], tmp_path)
+
+
+def recording() -> str:
+    """Two seconds of an oscillation under a relay, as a logger writes them."""
+    made = seod.simulate(seod.RigFile.shipped(), duration=2.0, seed=1).to_columns()
+    rows = zip(made["t"], made["u"], made["y"], strict=True)
+    return "t,u,y\n" + "".join(f"{t},{u},{y}\n" for t, u, y in rows)
+
+
+@pytest.mark.parametrize("name", ["drivers", "sim"])
+@pytest.mark.parametrize("place", ["path", "folder"])
+def test_another_projects_packages_are_told_and_left_alone(
+    name: str, place: str, installed: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / name / "__init__.py"
+    other.parent.mkdir()
+    other.write_text("raise SystemExit('imported')\n")
+    told = f"seod's package {name!r} is hidden by another ({other})"
+    environment = {"PATH": os.defpath, "HOME": str(tmp_path)}
+    words: list[str | Path] = [installed / "seod", "--version"]
+    if place == "path":
+        environment["PYTHONPATH"] = str(tmp_path)
+    else:
+        words = [installed / "python", "-m", "seod.cli", "--version"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"seod: {told}: give seod an environment of its own, as pipx does")
+    code = "import seod; seod.identify('run.csv')"
+    words = [installed / "python", "-c", code]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines()[-1].startswith(f"ImportError: {told}")
 
 
 @pytest.mark.parametrize("name", ["virtual.yaml", "can.yaml"])

@@ -12,9 +12,9 @@ from pathlib import Path
 REPO = Path(__file__).parents[1]
 
 
-def built(folder: Path) -> Path:
-    """The wheel of this checkout."""
-    words = ["-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(REPO)]
+def built(folder: Path, source: Path = REPO) -> Path:
+    """The wheel of this checkout, or of another folder with its sources."""
+    words = ["-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
     subprocess.run([sys.executable, *words], check=True, capture_output=True)
     (wheel,) = folder.glob("seod-*.whl")
     return wheel

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,8 +91,39 @@ def _words(ctx: Any) -> str:
     return " ".join(reversed(words))
 
 
+@contextmanager
+def ends_with_its_reader() -> Iterator[None]:
+    """Where the reader of a pipe has gone, as in `| head`: end without a word, as other programs do."""
+    try:
+        with plain_errors():
+            try:
+                yield
+            finally:
+                show("", end="")  # what is still in the buffer
+    except BrokenPipeError:
+        _end_as_by_a_closed_pipe()
+
+
+def _end_as_by_a_closed_pipe() -> None:
+    """Die of SIGPIPE, which a shell tells as 141; with 1 where there are no such signals."""
+    if not hasattr(signal, "SIGPIPE"):
+        os._exit(1)
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    signal.raise_signal(signal.SIGPIPE)
+
+
 class Group(TyperGroup):
-    """All commands: help in colour on a terminal, plain errors everywhere."""
+    """All commands: help in colour on a terminal, plain errors everywhere, a quiet end under `| head`."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Read the command line; `--help` and `--version` print here."""
+        with ends_with_its_reader():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        with ends_with_its_reader():
+            return super().invoke(ctx)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
@@ -193,14 +225,14 @@ def plain_errors() -> Iterator[None]:
         raise typer.Exit(1) from None
 
 
-def show(text: str) -> None:
+def show(text: str, end: str = "\n") -> None:
     """Print an answer.
 
     Raises:
         CommandError: The output takes nothing.
     """
     try:
-        print(text, flush=True)  # noqa: T201
+        print(text, end=end, flush=True)  # noqa: T201
     except BrokenPipeError:
         raise
     except OSError as error:

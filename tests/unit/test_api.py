@@ -405,10 +405,15 @@ assert seod.identify(made, config=rig).to_html()
 assert seod.response(sweep).plot() is not None
 from typer.testing import CliRunner
 from seod.cli import app
+sweep.save("sweep.csv")
 simulated = ["simulate", str(rig.path), "--out", "b.csv", "--duration", "0.2"]
-for words in (["info", "run.csv"], ["identify", "run.csv"], simulated):
+responded = ["response", "sweep.csv", "--period", "0.5", "--plot", "bode.png"]
+diagnosed = ["diagnose", "run.csv", "--effort", "quick", "--between", "0:1", "--out", "named"]
+for words in (["info", "run.csv"], ["identify", "run.csv"], simulated, responded, diagnosed):
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, (words, done.output)
+assert pathlib.Path("bode.png").stat().st_size > 10000
+assert pathlib.Path("named/report.html").stat().st_size > 10000
 found = seod.diagnose("run.csv", effort="quick", between="0:1")
 found.save("found")
 assert pathlib.Path("found/report.html").stat().st_size > 10000

@@ -1,9 +1,11 @@
 import asyncio
 import json
 import re
+import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from fake_loop import eventually, running
@@ -15,6 +17,8 @@ from seod.cli import app
 from seod.commands.over_tcp import read_assignments
 from seod.files.shipped import configs_dir
 from seod.terminal import text
+
+VIRTUAL = configs_dir() / "virtual.yaml"
 
 
 def invoke(*words):
@@ -108,6 +112,40 @@ def test_assignments():
 
 def test_version():
     assert invoke("--version") == (0, f"seod {__version__}, protocol 1\n", "")
+
+
+def with_a_reader_that_leaves(*words, lines):
+    """Exit code and stderr of `seod ARGS | head -n LINES`."""
+    command = [sys.executable, "-m", "seod.cli", *map(str, words)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(lines):
+            assert process.stdout.readline()
+        process.stdout.close()
+        told = process.stderr.read()
+    return process.returncode, told
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["watch", "--help"], ["check", VIRTUAL]])
+def test_a_reader_that_leaves_ends_a_command_without_a_word(words):
+    assert with_a_reader_that_leaves(*words, lines=0) == (-signal.SIGPIPE, "")
+
+
+async def test_a_reader_that_leaves_ends_watch_without_a_word():
+    async with running() as run:
+        words = ["watch", "--rate", "1000", "--port", run.port]
+        ended = asyncio.create_task(asyncio.to_thread(with_a_reader_that_leaves, *words, lines=1))
+        while not ended.done():
+            run.loop.rows(100)
+            await asyncio.sleep(0.02)
+    assert await ended == (-signal.SIGPIPE, "")
+
+
+@pytest.mark.parametrize("words", [["--version"], ["watch", "--help"]])
+def test_an_output_that_is_full_is_told_by_all_that_print(words):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "seod.cli", *words]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "seod: standard output: No space left on device\n")
 
 
 def test_check_says_what_is_wrong_with_file_and_line(tmp_path):

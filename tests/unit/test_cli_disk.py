@@ -12,6 +12,7 @@ from test_cli import invoke
 from seod.files.shipped import configs_dir
 
 VIRTUAL = configs_dir() / "virtual.yaml"
+# what the fixture has compiled: a limited process could not keep machine code
 WORDS = ["--excitation", "multisine", "--period", "0.5", "--duration", "3"]
 LIMITED = """
 import resource, sys
@@ -40,8 +41,8 @@ def recording(tmp_path_factory):
 @pytest.mark.parametrize(
     ("words", "file"),
     [
-        ("simulate {rig} --out out.csv", "out.csv"),
-        ("simulate {rig} --out out.csv.gz", "out.csv.gz"),
+        (f"simulate {{rig}} --out out.csv {' '.join(WORDS)}", "out.csv"),
+        (f"simulate {{rig}} --out out.csv.gz {' '.join(WORDS)}", "out.csv.gz"),
         ("export {csv} --to csv --out out.csv", "out.csv"),
         ("export {csv} --to parquet --out out.parquet", "out.parquet"),
         ("export {csv} --to mat --out out.mat", "out.mat"),
