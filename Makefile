@@ -99,7 +99,7 @@ wheelhouse: $(READY)
 
 # Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.
 GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py
-GUARD_TESTS := dst guard guard_limits neutral process device_clock loop axes tones signals foreign_commands two_phase_relay velocity
+GUARD_TESTS := dst guard guard_limits course supervisor beside neutral serial_driver process device_clock loop axes tones signals foreign_commands two_phase_relay velocity
 branches: $(READY)
 	$(BIN)/coverage run --branch --concurrency=greenlet --include='$(GUARDING)' -m pytest -q \
 		$(foreach name,$(GUARD_TESTS),tests/unit/test_$(name).py)
