@@ -185,8 +185,8 @@ def test_a_sample_that_came_late_was_taken_when_the_board_says() -> None:
     made = clock((0, 50.0))
     assert made.heard(500_000, 50.75) == 50.5
     assert made.heard(1_000_000, 51.0) == 51.0
-    assert made.heard(1_250_000, 51.2421875) == 51.2421875, "a tighter bound"
-    assert made.heard(1_500_000, 51.625) == 51.4921875
+    assert made.heard(1_125_000, 51.1171875) == 51.1171875, "a tighter bound"
+    assert made.heard(1_187_500, 51.5) == 51.1796875
     assert made.resets == 0
 
 
