@@ -222,7 +222,7 @@ class OverrunGuard:
     """Trips on a burst of late ticks."""
 
     def __init__(self, count: int, window: float) -> None:
-        self.window = window
+        self.count, self.window = count, window
         self.late: deque[float] = deque(maxlen=count)
 
     def inspect(self, t: float, lateness: float, period: float) -> Trip | None:
@@ -230,14 +230,13 @@ class OverrunGuard:
         if lateness <= period:
             return None
         self.late.append(t)
-        if len(self.late) < (self.late.maxlen or 0) or t - self.late[0] > self.window:
+        if len(self.late) < self.count or t - self.late[0] > self.window:
             return None
-        count = len(self.late)
         return Trip(
             "overruns",
-            f"{count} ticks within {self.window * 1e3:.0f} ms were more than a period late, the last by "
+            f"{self.count} ticks within {self.window * 1e3:.0f} ms were more than a period late, the last by "
             f"{lateness * 1e3:.2f} ms",
-            {"count": float(count), "lateness_s": lateness, "period_s": period},
+            {"count": float(self.count), "lateness_s": lateness, "period_s": period},
         )
 
 
@@ -255,8 +254,7 @@ class SupervisorGuard:
         self.period = period
         self.limit_s = max(SUPERVISOR_SILENT_S, hang_timeout)
         self.limit = math.ceil(self.limit_s / period) if period < math.inf else math.inf
-        self.beats = 0
-        self.silent = 0
+        self.beats = self.silent = 0
 
     def inspect(self, beats: int) -> Trip | None:
         """Note the supervisor's count of turns (0: there is none); a trip while it has not moved for long."""

@@ -38,6 +38,7 @@ class FakeMode:
         self.approaches = approaches
         self.t_sample = 0.5
         self.there = False
+        self.asked = math.nan
         self.holds: list[tuple[float, bool]] = []
         self.relays_on: list[float] = []
         self.starts: list[float] = []
@@ -47,6 +48,7 @@ class FakeMode:
         return Hold()
 
     def arrived(self, t: float) -> bool:
+        self.asked = t
         return self.there
 
     def relay_on(self, t: float) -> None:
@@ -189,6 +191,7 @@ def test_an_axis_that_approaches_is_brought_there_before_the_relay() -> None:
     assert bench.mode.holds == [(3.0, False)]
     assert course.entered == 3.0
     assert course.advance(3.5, 0.0) is None
+    assert bench.mode.asked == 3.5
     assert bench.states() == []
     bench.mode.there = True
     assert course.advance(4.0, 0.0) is None
@@ -321,8 +324,9 @@ def test_a_turn_that_is_over_and_the_next() -> None:
     bench.mode.there = True
     course.advance(50.0, 0.0)
     assert course.state is HOLDING, "it waits however long it takes"
+    assert bench.mode.asked == 50.0
     course.go_on(60.0)
-    assert not course.waiting
+    assert course.waiting is False
     assert bench.states() == [(60.0, "holding", "exciting", "relay on")]
 
 

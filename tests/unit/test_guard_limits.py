@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from seod.loop.guard import AxisGuard, Trip
 
 LIMITS = {"output": 2.0, "travel": (-1.0, 3.0), "speed": 16.0, "amplitude": 0.5, "excitation": 10.0}
-GUARD = {"stale": 0.125, "frozen": 0.25}
+GUARD = {"stale": 0.125, "frozen": 2.0}
 """Powers of two: their sums and differences are exact."""
 
 
@@ -298,23 +298,23 @@ def test_growth_of_less_than_a_tenth_of_the_amplitudes_limit_is_none() -> None:
 def test_a_sensor_may_stand_still_for_as_long_as_the_limit_and_no_longer() -> None:
     judge = make()
     assert look(judge, 1.0, 0.3, exciting=True) is None
-    assert look(judge, 1.25, 0.3, exciting=True) is None
-    trip = told(look(judge, beyond(1.25), 0.3, exciting=True))
+    assert look(judge, 3.0, 0.3, exciting=True) is None
+    trip = told(look(judge, beyond(3.0), 0.3, exciting=True))
     assert trip.code == "frozen_sensor"
     assert trip.why == (
-        "motor: the sensor has read 0.3 for 250 ms while the relay is on; guard.frozen is 250 ms"
+        "motor: the sensor has read 0.3 for 2000 ms while the relay is on; guard.frozen is 2000 ms"
     )
-    assert trip.numbers == {"position": 0.3, "still_s": beyond(1.25) - 1.0, "limit_s": 0.25}
+    assert trip.numbers == {"position": 0.3, "still_s": beyond(3.0) - 1.0, "limit_s": 2.0}
 
 
 def test_a_sensor_is_still_from_its_last_movement_and_from_relay_on() -> None:
     judge = make()
     assert look(judge, 1.0, 0.3, exciting=False) is None
-    assert look(judge, 2.0, 0.3, exciting=False) is None
-    assert look(judge, 2.25, 0.3, exciting=True) is None
-    assert look(judge, 2.3, 0.31, exciting=True) is None
-    assert look(judge, 2.5, 0.31, exciting=True) is None
-    assert told(look(judge, 2.6, 0.31, exciting=True)).code == "frozen_sensor"
+    assert look(judge, 9.0, 0.3, exciting=False) is None
+    assert look(judge, 11.0, 0.3, exciting=True) is None
+    assert look(judge, 12.0, 0.31, exciting=True) is None
+    assert look(judge, 14.0, 0.31, exciting=True) is None
+    assert told(look(judge, 14.1, 0.31, exciting=True)).code == "frozen_sensor"
 
 
 # Late ticks, a loop that stood still
@@ -322,38 +322,38 @@ def test_a_sensor_is_still_from_its_last_movement_and_from_relay_on() -> None:
 
 def test_only_so_many_late_ticks_within_the_window_trip() -> None:
     period, late = 1 / 1024, 3 / 2048
-    judge = guard.OverrunGuard(3, 0.5)
+    judge = guard.OverrunGuard(3, 4.0)
     assert judge.inspect(1.0, period, period) is None, "a period late is not late"
-    assert [judge.inspect(t, late, period) for t in (1.0, 1.25)] == [None, None]
-    trip = told(judge.inspect(1.5, late, period))
+    assert [judge.inspect(t, late, period) for t in (1.0, 3.0)] == [None, None]
+    trip = told(judge.inspect(5.0, late, period))
     assert trip.code == "overruns"
-    assert trip.why == ("3 ticks within 500 ms were more than a period late, the last by 1.46 ms")
+    assert trip.why == "3 ticks within 4000 ms were more than a period late, the last by 1.46 ms"
     assert trip.numbers == {"count": 3.0, "lateness_s": late, "period_s": period}
-    assert judge.inspect(beyond(1.75), late, period) is None, "the first of the three is out of the window"
+    assert judge.inspect(beyond(7.0), late, period) is None, "the first of the three is out of the window"
 
 
 def test_a_loop_may_sleep_for_as_long_as_the_limit_and_no_longer() -> None:
-    assert guard.hung(0.25, 0.25) is None
-    trip = told(guard.hung(beyond(0.25), 0.25))
+    assert guard.hung(2.0, 2.0) is None
+    trip = told(guard.hung(beyond(2.0), 2.0))
     assert trip.code == "hang"
-    assert trip.why == "the loop stood still for 250 ms; loop.hang_timeout is 250 ms"
-    assert trip.numbers == {"lateness_s": beyond(0.25), "limit_s": 0.25}
+    assert trip.why == "the loop stood still for 2000 ms; loop.hang_timeout is 2000 ms"
+    assert trip.numbers == {"lateness_s": beyond(2.0), "limit_s": 2.0}
 
 
 # The supervisor's turns
 
 
 def test_a_supervisor_that_stands_still_for_the_limit_trips() -> None:
-    judge = guard.SupervisorGuard(1 / 16, hang_timeout=0.25)
+    judge = guard.SupervisorGuard(0.5, hang_timeout=2.0)
     assert judge.inspect(7) is None
     assert [judge.inspect(7) for _ in range(3)] == [None] * 3
     trip = told(judge.inspect(7))
     assert trip.code == "supervisor"
     assert trip.why == (
-        "the supervisor process has stood still for 250 ms (stopped, or held up): nothing would stop the rig "
-        "if the loop died; have it run again, then reset"
+        "the supervisor process has stood still for 2000 ms (stopped, or held up): nothing would stop the "
+        "rig if the loop died; have it run again, then reset"
     )
-    assert trip.numbers == {"still_s": 0.25, "limit_s": 0.25}
+    assert trip.numbers == {"still_s": 2.0, "limit_s": 2.0}
     assert judge.inspect(8) is None
     assert [judge.inspect(8) for _ in range(3)] == [None] * 3
 

@@ -258,7 +258,7 @@ def test_frames_have_the_kernels_layout() -> None:
     assert flexible[8:].hex() == "0102" + "00" * 62
     steady = pack_frame({**frame, "fd": True, "extended": False})
     assert steady[:8].hex() == "23010000" + "02040000"
-    assert pack_frame({**frame, "extended": False})[:5].hex() == "2301000002"
+    assert pack_frame({**frame, "id": 0x122, "extended": False})[:5].hex() == "2201000002"
 
 
 def test_rigs_that_no_other_process_reaches_say_so() -> None:
