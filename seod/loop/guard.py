@@ -144,10 +144,9 @@ class AxisGuard:
             return None
         return Trip("non_finite", f"{self.name}: the sensor reads {y}")
 
-    def _travel(self, y: float) -> Trip | None:
+    def _travel(self, y: float) -> Trip:
+        """Of a sample that is fresh, sound and finite, and in trouble all the same."""
         low, high = self.limits.travel
-        if low <= y <= high:
-            return None
         return Trip(
             "travel",
             f"{self.name}: {self.quantity} {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",

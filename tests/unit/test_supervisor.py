@@ -298,7 +298,7 @@ def test_a_loop_that_does_not_tick_is_fenced_and_killed(running: Bench) -> None:
     assert running.rig.done == [9]
     assert words[Word.FENCE] == 1
     assert supervisor.fenced == "neutral written"
-    assert not running.loop.ready
+    assert running.loop.ready is False
     assert supervisor.still == 0
     for _ in range(10):
         supervisor.watch_ticks()
