@@ -291,7 +291,7 @@ def estop_open(lines: Sequence[tuple[EstopConfig, Sample]], t: float, stale: flo
         t: Tick time [s].
         stale: Oldest sample that counts [s].
     """
-    stopping = [(line, sample) for line, sample in lines if sample.value != line.run or t - sample.t > stale]
+    stopping = [(line, s) for line, s in lines if s.value != line.run or not t - s.t <= stale]  # a nan stops
     if not stopping:
         return None
     line, sample = stopping[0]
@@ -309,7 +309,7 @@ def estop_open(lines: Sequence[tuple[EstopConfig, Sample]], t: float, stale: flo
 
 
 def _estop_text(line: EstopConfig, age: float, value: float, stale: float) -> str:
-    if math.isinf(age):
+    if not math.isfinite(age):
         return f"the channel {line.channel} was never heard of"
     if age > stale:
         silent = f"the channel {line.channel} has been silent for {age * 1e3:.1f} ms"

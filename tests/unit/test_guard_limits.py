@@ -402,6 +402,21 @@ def test_an_estop_line_allows_movement_at_its_number_alone(value: float) -> None
     assert trip.numbers == {"value": number, "run": 2.0, "age_s": 0.0, "limit_s": 0.25}
 
 
+def test_an_estop_line_whose_time_is_no_number_was_not_heard_of() -> None:
+    trip = told(guard.estop_open([(ESTOP, Sample(2.0, math.nan))], 1.0, 0.25))
+    assert trip.why == "e-stop: the channel door was never heard of"
+    assert trip.numbers == {"value": 2.0, "run": 2.0, "age_s": -1.0, "limit_s": 0.25}
+
+
+def test_whatever_time_is_no_number_trips() -> None:
+    """A clock that fails must not keep the guard from acting."""
+    assert told(make().ready(1.0, Sample(0.0, math.nan), 0.0)).code == "stale_sample"
+    assert told(guard.silent([Sample(0.0, math.nan)], 1.0, 0.25)).code == "silent"
+    assert told(guard.hung(math.nan, 0.25)).code == "hang"
+    assert told(guard.dead_man(0.5, math.nan, 1.0)).code == "dead_man"
+    assert told(guard.OverrunGuard(1, 0.5).inspect(1.0, math.nan, 0.001)).code == "overruns"
+
+
 def test_an_open_line_of_the_limits_age_tells_what_it_reads() -> None:
     trip = told(guard.estop_open([(ESTOP, Sample(1.0, 0.75))], 1.0, 0.25))
     assert trip.why == "e-stop: door reads 1, movement is allowed at 2"
