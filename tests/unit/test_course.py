@@ -216,13 +216,14 @@ def test_the_pulse_comes_first_as_it_is_configured(
     pulse: float | None, height: float, approaches: bool
 ) -> None:
     bench = Bench(approaches, {"enabled": True, "pulse": pulse, "duration": 0.125, "movement": 0.0625})
+    bench.config._command = "A"
     course = bench.course
     course.begin(3.0, None, waiting=False)
     assert bench.states() == [(3.0, "idle", "armed", "start")]
     shown = course.controller
     assert isinstance(shown, PolarityPulse)
     assert (shown.start, shown.voltage, shown.duration, shown.movement) == (3.0, height, 0.125, 0.0625)
-    assert (shown.output, shown.unit) == ("valve", "V")
+    assert (shown.output, shown.unit) == ("valve", "A")
     bench.mode.t_sample = 3.25
     assert shown.sampled() == 3.25
     bench.mode.there = True

@@ -307,7 +307,7 @@ def test_serial_neutral_is_the_bytes_of_the_recipe_however_often(port: Port) -> 
         assert writer.write(sent) == ""
         assert port.came() == b"\x00\xff\x0aA"
     writer.close()
-    assert writer.fd == -1
+    assert writer.fd is None
     writer.close()
     assert writer.write(0) == "", "a port that was given back is taken again"
     assert port.came() == b"\x00\xff\x0aA"
@@ -327,6 +327,7 @@ def test_a_serial_port_is_opened_to_write_and_never_waits(
     monkeypatch.setattr("drivers.neutral.os.open", opened)
     writer = SerialNeutral(port.name, b"0")
     assert asked == [(port.name, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)]
+    assert writer.fd is not None
     assert not os.get_blocking(writer.fd)
     writer.close()
     assert writer.write(0) == ""
@@ -354,14 +355,14 @@ def test_neutral_that_found_no_room_is_told(
     writer = SerialNeutral(port.name, b"neutral")
     monkeypatch.setattr("drivers.neutral.os.write", lambda *_: sent)
     assert writer.write(0) == said.format(port=port.name)
-    assert writer.fd >= 0, "it is kept: the next time there may be room"
+    assert writer.fd is not None, "it is kept: the next time there may be room"
     writer.close()
 
 
 def test_a_serial_port_that_is_not_there_is_told_and_tried_again(tmp_path: Path, port: Port) -> None:
     name = tmp_path / "board"
     writer = SerialNeutral(str(name), b"0")
-    assert writer.fd == -1
+    assert writer.fd is None
     assert writer.write(0) == f"{name}: No such file or directory"
     name.symlink_to(port.name)
     assert writer.write(0) == ""
@@ -386,7 +387,7 @@ def test_a_serial_port_that_fails_is_taken_again_once(
     assert port.came() == b"0"
     failing += [error, error]
     assert writer.write(0) == f"{port.name}: {error}"
-    assert writer.fd == -1
+    assert writer.fd is None
     assert not failing
     assert port.came() == b""
     assert writer.write(0) == ""

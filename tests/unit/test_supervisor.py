@@ -254,6 +254,7 @@ def test_the_daemon_is_announced_once_all_is_ready_and_a_tick_is_done(make: Call
         supervisor.announce()
         return not bench.notified and not supervisor.announced and supervisor.beside[0].child is None
 
+    bench.words[Word.TICKS] = 1
     assert silent()
     supervisor.start_loop()
     assert silent()
@@ -264,6 +265,7 @@ def test_the_daemon_is_announced_once_all_is_ready_and_a_tick_is_done(make: Call
     bench.gateway.ready, bench.loop.ready = True, False
     assert silent()
     bench.loop.ready = True
+    bench.words[Word.TICKS] = 0
     assert silent(), "no tick yet"
     bench.words[Word.TICKS] = 1
     supervisor.announce()
