@@ -106,7 +106,7 @@ class Supervisor:
         self.announced = False
         self.ticks_fed = 0
         self.began = time.monotonic()
-        self.ends_at = float("inf")
+        self.ends_at = math.inf
         self.fed = 0.0
         self.watchdog = watchdog_interval()
         self.hang_polls = max(STILL_POLLS, math.ceil(arguments.hang_timeout / BEAT_S))

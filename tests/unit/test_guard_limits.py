@@ -198,6 +198,16 @@ def test_a_step_out_of_the_travel_is_told_with_what_it_looks_like(
     assert trip.numbers["position"] == y
 
 
+def test_what_a_step_looks_like_is_decided_to_the_last_bit() -> None:
+    """A tenth of the travel is no jump yet; a sum of a tenth of the difference is a flip still."""
+    judge = make(speed=None, travel=(-1.0, 9.0))
+    assert look(judge, 1.0, 8.5) is None
+    assert told(look(judge, 1.001, 9.5)).why == "motor: position 9.5 is outside limits.travel [-1, 9]"
+    judge = make(speed=None, travel=(-4.0, 6.0))
+    assert look(judge, 1.0, 5.5) is None
+    assert told(look(judge, 1.001, -4.5)).why.endswith("its sign may have flipped")
+
+
 def test_a_jump_of_a_reading_that_is_stale_is_not_told() -> None:
     judge = make()
     assert look(judge, 1.0, 0.0) is None

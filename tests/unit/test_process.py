@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -181,18 +182,33 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
             each.process.wait()
 
 
+@contextmanager
+def nobodys_input() -> Iterator[None]:
+    """Standard input that is a pipe, as where the daemon was started by a program."""
+    before, (read, write) = os.dup(0), os.pipe()
+    os.dup2(read, 0)
+    try:
+        yield
+    finally:
+        os.dup2(before, 0)
+        for fd in (before, read, write):
+            os.close(fd)
+
+
 def said(link: socket.socket) -> Any:
     return json.loads(link.recv(1 << 16))
 
 
 def test_a_child_has_its_end_of_the_link_no_input_and_a_session_of_its_own(run: Any) -> None:
-    mine = run(
-        "link.send(json.dumps([given['module'], sys.stdin.read(), os.getsid(0) == os.getpid(),"
-        " given['supervisor_pid']]).encode())"
-    )
+    with nobodys_input():
+        mine = run(
+            "no_input = os.fstat(0).st_rdev == os.stat('/dev/null').st_rdev\n"
+            "own = os.getsid(0) == os.getpid()\n"
+            "link.send(json.dumps([given['module'], no_input, own, given['supervisor_pid']]).encode())"
+        )
     assert (mine.ready, mine.failure) == (False, "")
     assert mine.link.type & ~socket.SOCK_NONBLOCK == socket.SOCK_SEQPACKET
-    assert said(mine.link) == ["seod.loop", "", True, 6]
+    assert said(mine.link) == ["seod.loop", True, True, 6]
     assert mine.link.recv(100) == b"", "the other end is the child's alone"
     assert mine.end_of() == "ended with exit code 0"
     mine.close()
@@ -218,13 +234,19 @@ def test_how_a_child_ended_is_told(run: Any, code: str, failure: str, how: str) 
     mine.close()
 
 
-def test_a_child_that_ends_when_it_is_asked_to_is_not_killed(run: Any) -> None:
+def test_a_child_that_ends_when_it_is_asked_to_is_not_killed(
+    run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mine = run(
         "signal.signal(signal.SIGTERM, lambda *_: sys.exit(7)); link.send(b'1')\nwhile True: signal.pause()"
     )
     assert said(mine.link) == 1
     looks: list[int] = []
+    signals: list[signal.Signals] = []
+    send = mine.signal
+    monkeypatch.setattr(mine, "signal", lambda number: signals.append(number) or send(number))
     mine.end(lambda: looks.append(1))
+    assert signals == [signal.SIGTERM]
     assert mine.process.returncode == 7
     assert looks
     assert mine.link.fileno() == -1
