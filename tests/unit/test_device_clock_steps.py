@@ -271,6 +271,7 @@ def test_a_reset_leaves_nothing_of_the_old_clock() -> None:
 def test_a_command_was_set_after_it_was_written() -> None:
     made = DeviceClock()
     assert made.acknowledged(77, 40.0) == 40.0, "nothing was heard yet"
+    assert made.heard(1_000_000, 50.0) == 50.0, "nor is that a bound"
     made = clock((1_000_000, 50.0))
     assert made.acknowledged(750_000, 49.875) == 49.875
     made = clock((1_000_000, 50.0))
