@@ -16,7 +16,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 # a wheel is the same bytes whoever builds it, whenever
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
-.PHONY: install rollback uninstall wheelhouse branches audit sbom release
+.PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
 .PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
@@ -99,11 +99,16 @@ wheelhouse: $(READY)
 
 # Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.
 GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py
-GUARD_TESTS := dst guard neutral process device_clock loop axes tones signals foreign_commands two_phase_relay velocity
+GUARD_TESTS := dst guard guard_limits course supervisor beside neutral process device_clock device_clock_steps \
+	loop axes tones signals foreign_commands two_phase_relay velocity
 branches: $(READY)
 	$(BIN)/coverage run --branch --concurrency=greenlet --include='$(GUARDING)' -m pytest -q \
 		$(foreach name,$(GUARD_TESTS),tests/unit/test_$(name).py)
 	$(BIN)/coverage report -m
+
+# Small changes of the same modules that their unit tests see (tests/mutants.py); the goal is 95 % of each.
+mutants: $(READY)
+	nice -n 10 $(BIN)/python -m tests.mutants
 
 # Advisories about what is locked. Where PyPI's cannot be reached it says so, and fails only with AUDIT=required.
 audit: $(READY)
@@ -142,4 +147,4 @@ $(READY): requirements.lock $(RUNS)
 	@touch $@
 
 clean:
-	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv build dist mutants *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from drivers.stamp_jitter import Jitter
 
-WRAP = 1 << 32
+WRAP, HALF = 1 << 32, 1 << 31
 STRETCH_S = 0.25
 """Each keeps its tightest bound."""
 FITTED, KEPT = 4, 120
@@ -158,8 +158,9 @@ class DeviceClock:
         Returns:
             When it was set [s]: not before it was written, and not after that sample arrived.
         """
-        behind = 0 if self._latest is None else (self._latest - time_us) % WRAP
-        x = self._put_right - behind * 1e-6
+        if self._latest is None:
+            return written  # of a clock of which nothing is known
+        x = self._put_right - (self._latest - time_us) % WRAP * 1e-6
         self._below.add(x, x - written)
         return max(min(x + self._difference(x), self._arrived), written)
 
@@ -178,4 +179,4 @@ class DeviceClock:
 
 def _passed_s(before_us: int, after_us: int) -> float:
     """From one time of a clock that wraps to another, back or ahead, whichever is less [s]."""
-    return ((after_us - before_us + WRAP // 2) % WRAP - WRAP // 2) * 1e-6
+    return ((after_us - before_us + HALF) % WRAP - HALF) * 1e-6

@@ -10,6 +10,7 @@ import os
 import socket
 import struct
 import termios
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
@@ -66,25 +67,21 @@ class SocketcanNeutral:
         self.fd = fd
         self.cycle = cycle
         self.socket: socket.socket | None = None
-        self._open()
+        with suppress(OSError):
+            self._opened()
 
-    def _open(self) -> str:
-        try:
+    def _opened(self) -> socket.socket:
+        if self.socket is None:
             self.socket = _raw_socket(self.channel, self.fd)
-        except OSError as error:
-            return f"{self.channel}: {error.strerror}"
-        return ""
+        return self.socket
 
     def write(self, commands_sent: int) -> str:
         """Send the cycle; an interface that was deleted and has come back is taken again."""
         for _ in range(2):
-            why = "" if self.socket is not None else self._open()
-            if self.socket is None:
-                return why
             try:
-                return self._send_cycle(self.socket, commands_sent)
+                return self._send_cycle(self._opened(), commands_sent)
             except OSError as error:
-                if error.errno not in GONE:
+                if self.socket is None or error.errno not in GONE:
                     return f"{self.channel}: {error.strerror}"
                 self.close()
         return f"{self.channel} is gone"
@@ -118,26 +115,25 @@ class SerialNeutral:
     def __init__(self, port: str, data: bytes) -> None:
         self.port = port
         self.data = data
-        self.fd = -1
-        self._open()
+        self.fd: int | None = None
+        with suppress(OSError):
+            self._opened()
 
-    def _open(self) -> str:
-        try:
+    def _opened(self) -> int:
+        if self.fd is None:
             self.fd = os.open(self.port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
-        except OSError as error:
-            return f"{self.port}: {error.strerror}"
-        return ""
+        return self.fd
 
     def write(self, commands_sent: int) -> str:  # noqa: ARG002 - whichever sequence comes first, one is new
         """Throw away what has not left, then send; a port that has come back is taken again."""
-        why = f"{self.port} is gone"
         for _ in range(2):
-            why = "" if self.fd >= 0 else self._open()
-            if self.fd < 0:
-                return why
             try:
-                termios.tcflush(self.fd, termios.TCOFLUSH)
-                sent = os.write(self.fd, self.data)
+                fd = self._opened()
+            except OSError as error:
+                return f"{self.port}: {error.strerror}"
+            try:
+                termios.tcflush(fd, termios.TCOFLUSH)
+                sent = os.write(fd, self.data)
             except (OSError, termios.error) as error:
                 why = f"{self.port}: {error}"
                 self.close()
@@ -147,9 +143,9 @@ class SerialNeutral:
 
     def close(self) -> None:
         """Close the port."""
-        if self.fd >= 0:
+        if self.fd is not None:
             os.close(self.fd)
-            self.fd = -1
+            self.fd = None
 
 
 def _raw_socket(channel: str, fd: bool) -> socket.socket:

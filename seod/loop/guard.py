@@ -144,10 +144,9 @@ class AxisGuard:
             return None
         return Trip("non_finite", f"{self.name}: the sensor reads {y}")
 
-    def _travel(self, y: float) -> Trip | None:
+    def _travel(self, y: float) -> Trip:
+        """Of a sample that is fresh, sound and finite, and in trouble all the same."""
         low, high = self.limits.travel
-        if low <= y <= high:
-            return None
         return Trip(
             "travel",
             f"{self.name}: {self.quantity} {y:.6g} is outside limits.travel [{low:.6g}, {high:.6g}]",
@@ -222,7 +221,7 @@ class OverrunGuard:
     """Trips on a burst of late ticks."""
 
     def __init__(self, count: int, window: float) -> None:
-        self.window = window
+        self.count, self.window = count, window
         self.late: deque[float] = deque(maxlen=count)
 
     def inspect(self, t: float, lateness: float, period: float) -> Trip | None:
@@ -230,14 +229,13 @@ class OverrunGuard:
         if lateness <= period:
             return None
         self.late.append(t)
-        if len(self.late) < (self.late.maxlen or 0) or t - self.late[0] > self.window:
+        if len(self.late) < self.count or t - self.late[0] > self.window:
             return None
-        count = len(self.late)
         return Trip(
             "overruns",
-            f"{count} ticks within {self.window * 1e3:.0f} ms were more than a period late, the last by "
+            f"{self.count} ticks within {self.window * 1e3:.0f} ms were more than a period late, the last by "
             f"{lateness * 1e3:.2f} ms",
-            {"count": float(count), "lateness_s": lateness, "period_s": period},
+            {"count": float(self.count), "lateness_s": lateness, "period_s": period},
         )
 
 
@@ -255,8 +253,7 @@ class SupervisorGuard:
         self.period = period
         self.limit_s = max(SUPERVISOR_SILENT_S, hang_timeout)
         self.limit = math.ceil(self.limit_s / period) if period < math.inf else math.inf
-        self.beats = 0
-        self.silent = 0
+        self.beats = self.silent = 0
 
     def inspect(self, beats: int) -> Trip | None:
         """Note the supervisor's count of turns (0: there is none); a trip while it has not moved for long."""
@@ -294,7 +291,7 @@ def estop_open(lines: Sequence[tuple[EstopConfig, Sample]], t: float, stale: flo
         t: Tick time [s].
         stale: Oldest sample that counts [s].
     """
-    stopping = [(line, sample) for line, sample in lines if sample.value != line.run or t - sample.t > stale]
+    stopping = [(line, s) for line, s in lines if s.value != line.run or not t - s.t <= stale]  # a nan stops
     if not stopping:
         return None
     line, sample = stopping[0]
@@ -312,7 +309,7 @@ def estop_open(lines: Sequence[tuple[EstopConfig, Sample]], t: float, stale: flo
 
 
 def _estop_text(line: EstopConfig, age: float, value: float, stale: float) -> str:
-    if math.isinf(age):
+    if not math.isfinite(age):
         return f"the channel {line.channel} was never heard of"
     if age > stale:
         silent = f"the channel {line.channel} has been silent for {age * 1e3:.1f} ms"

@@ -83,12 +83,13 @@ class Supervisor:
         self.poller.register(self.wake_read, select.POLLIN)
         self.loop: Child | None = None
         self.gateway: Child | None = None
-        self.way = Way() if arguments.panel or arguments.fleet else None
-        self.beside = [
-            Keeper(name, partial(self.start_beside, f"seod.{name}"))
-            for name, wanted in (("panel", arguments.panel), ("fleet", arguments.fleet))
-            if wanted
-        ]
+        beside = [name for name, wanted in (("panel", arguments.panel), ("fleet", arguments.fleet)) if wanted]
+        self.way: Way | None = None
+        self.beside: list[Keeper] = []
+        if beside:
+            self.way = Way()
+            own_end = self.way.own_end.fileno()
+            self.beside = [Keeper(name, partial(self.child, f"seod.{name}", own_end)) for name in beside]
         self.generation = 0
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
@@ -105,7 +106,7 @@ class Supervisor:
         self.announced = False
         self.ticks_fed = 0
         self.began = time.monotonic()
-        self.ends_at = float("inf")
+        self.ends_at = math.inf
         self.fed = 0.0
         self.watchdog = watchdog_interval()
         self.hang_polls = max(STILL_POLLS, math.ceil(arguments.hang_timeout / BEAT_S))
@@ -212,10 +213,6 @@ class Supervisor:
         self.gateway = self.child("seod.gateway", -1 if self.way is None else self.way.gateway_end.fileno())
         if self.death:  # which the gateway before knew, and this one could not
             self.tell_gateway(self.death)
-
-    def start_beside(self, module: str) -> Child:
-        """Start the panel's process, or the fleet's."""
-        return self.child(module, -1 if self.way is None else self.way.own_end.fileno())
 
     def hear_loop(self, loop: Child) -> None:
         """The loop says how neutral can be written without it, and when it is ready."""

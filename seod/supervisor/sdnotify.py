@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 
 
 def notify(state: str) -> None:
     """Send `state` ("READY=1", "WATCHDOG=1", ...) if systemd started us; never waits, never raises."""
-    address = os.environ.get("NOTIFY_SOCKET", "")
+    address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
     if address.startswith("@"):
@@ -22,5 +23,5 @@ def notify(state: str) -> None:
 
 def watchdog_interval() -> float:
     """How often to feed the watchdog [s]: a quarter of its time; infinite where there is none."""
-    microseconds = os.environ.get("WATCHDOG_USEC", "")
-    return float(microseconds) / 4e6 if microseconds else float("inf")
+    microseconds = os.environ.get("WATCHDOG_USEC")
+    return float(microseconds) / 4e6 if microseconds else math.inf
