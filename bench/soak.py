@@ -83,6 +83,8 @@ def ask(method: str, **params: object) -> dict[str, object]:
             json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": params}).encode() + b"\n"
         )
         answer: dict[str, dict[str, object]] = json.loads(peer.makefile("rb").readline())
+    if "result" not in answer:
+        raise SystemExit(f"{method}: {answer['error']['message']}")
     return answer["result"]
 
 
@@ -122,6 +124,7 @@ def main() -> int:
         load: list[subprocess.Popen[bytes]] = []
         try:
             wait_for_port()
+            wait_for_ticks()
             clients = [Listener() for _ in range(given.clients)]
             for client in clients:
                 client.start()
@@ -134,6 +137,16 @@ def main() -> int:
                 each.wait()
             daemon.send_signal(signal.SIGTERM)
             daemon.wait(30)
+
+
+def wait_for_ticks() -> None:
+    """Until the loop behind the gateway runs: a start before is refused."""
+    for _ in range(600):
+        health = ask("status")["health"]
+        if isinstance(health, dict) and health["ticks"]:
+            return
+        time.sleep(0.1)
+    raise SystemExit("the loop does not tick")
 
 
 def wait_for_port() -> None:
