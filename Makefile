@@ -91,10 +91,13 @@ install: $(if $(filter build/wheelhouse,$(WHEELHOUSE)),wheelhouse)
 rollback uninstall:
 	$(SERVICE) $@
 
-# The wheel and all that it needs at run time, as locked: to be copied to a machine without network.
+# The wheel and all that it needs at run time, as locked: to be copied to a machine without network. What comes as source
+# only is built here: over there nothing can be fetched that builds it.
 wheelhouse: $(READY)
 	rm -rf build/wheelhouse
 	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
+	for source in build/wheelhouse/*.tar.gz; do [ ! -e $$source ] || { \
+		$(PIP) wheel --no-deps -w build/wheelhouse $$source && rm $$source; } || exit 1; done
 	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
 
 # Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.

@@ -148,11 +148,12 @@ def _reader(kind: str) -> Callable[[], Callable[[bytes], None]]:
             tempfile.mkdtemp(prefix="seod-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
         )
         path = folder / f"fuzz{sound.suffix}"
+        beside = "sound.log" if kind == "dbc" else "motor.dbc"  # a sound one of other names may be told, too
 
         def take(data: bytes) -> None:
             path.write_bytes(data)
             for use in uses(path, sound, folder, "csv")[:2]:
-                wrong = outcome(use, path.name, "motor.dbc")
+                wrong = outcome(use, path.name, beside)
                 assert not wrong, wrong
 
         return take

@@ -51,9 +51,8 @@ def asleep():
 
 
 def slow():
-    for _ in range(10):
-        sum(range(200_000))
-        time.sleep(0.02)
+    while time.process_time() < 2.5:
+        pass
 
 
 def refuse():
@@ -120,8 +119,8 @@ def test_a_reader_that_stands_still_is_ended(path, monkeypatch):
 
 
 def test_a_reader_that_is_slow_is_waited_for(path, monkeypatch):
-    monkeypatch.setattr(apart, "_LOOK_S", 0.01)
-    assert read(path, slow)[0] == 3
+    monkeypatch.setattr(apart, "STILL_S", 1.5)
+    assert read(path, slow) == (3, ["z: is odd"])
 
 
 def test_an_error_of_the_reader_is_its_own(path):
