@@ -62,9 +62,9 @@ fuzz-bytes: $(READY)
 fuzz: $(READY)
 	SEOD_EXAMPLES=new $(BIN)/pytest tests/unit -n auto -m hypothesis
 
-# The whole daemon on simulated time, SEEDS runs with faults; a seed that fails is shrunk and shown.
+# The whole daemon on simulated time, SEEDS runs with faults, on a bus or WIRE=serial; a seed that fails is shrunk and shown.
 dst: $(READY)
-	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1)
+	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1) --wire $(or $(WIRE),can)
 
 blind: $(READY)
 	$(BIN)/pytest tests/blind -n auto
@@ -91,10 +91,13 @@ install: $(if $(filter build/wheelhouse,$(WHEELHOUSE)),wheelhouse)
 rollback uninstall:
 	$(SERVICE) $@
 
-# The wheel and all that it needs at run time, as locked: to be copied to a machine without network.
+# The wheel and all that it needs at run time, as locked: to be copied to a machine without network. What comes as source
+# only is built here: over there nothing can be fetched that builds it.
 wheelhouse: $(READY)
 	rm -rf build/wheelhouse
 	$(PIP) download -r requirements-run.lock --require-hashes -d build/wheelhouse
+	for source in build/wheelhouse/*.tar.gz; do [ ! -e $$source ] || { \
+		$(PIP) wheel --no-deps -w build/wheelhouse $$source && rm $$source; } || exit 1; done
 	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
 
 # Branches of what must not fail that tests reach: the guard, the course, the supervisor, neutral, the board's clock.
@@ -110,9 +113,9 @@ branches: $(READY)
 mutants: $(READY)
 	nice -n 10 $(BIN)/python -m tests.mutants
 
-# Advisories about what is locked. Where PyPI's cannot be reached it says so, and fails only with AUDIT=required.
+# Advisories about what is locked: any is a failure. Where PyPI's cannot be asked it says so, and fails only with AUDIT=required.
 audit: $(READY)
-	$(BIN)/pip-audit -r requirements.lock --disable-pip --strict --progress-spinner off || test "$(AUDIT)" != required
+	AUDIT=$(AUDIT) $(BIN)/python .ci/audit.py
 
 # What the daemon is made of, for whoever has to know (CycloneDX).
 sbom: $(READY)

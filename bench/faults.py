@@ -14,6 +14,7 @@ import statistics
 import sys
 import tempfile
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from typing import Any, NamedTuple
 REPO = Path(__file__).parents[1]
 sys.path.insert(0, str(REPO))
 
+from seod.record.mcap_file import McapFile  # noqa: E402
 from tests.dst import exchange, faults, run, world  # noqa: E402
 
 PAGE = REPO / "docs" / "faults.md"
@@ -30,8 +32,9 @@ EXCITED_S, WATCHED_S = 4.0, 3.5
 PERIOD, WATCHDOG, HANG, SUPERVISOR = 0.01, 0.4, 0.1, 0.02
 """Tick, the rig's own watchdog, loop.hang_timeout (tests/dst/rig.yaml); the supervisor's promise [s]."""
 STALE, FROZEN, GATEWAY, CONFIRM = 0.05, 0.5, 1.0, 0.05
-WIRE = 0.004
+WIRE, LINE = 0.004, 0.005
 TITLES = "fault | promised [ms] | p50 [ms] | max [ms] | unguarded runs | rows lost | what clients are told"
+HEAD = f"| {TITLES} |\n| --- | --- | --- | --- | --- | --- | --- |"
 TWO_TICKS = 2 * PERIOD + WIRE
 
 
@@ -43,6 +46,7 @@ class Row(NamedTuple):
     numbers: dict[str, Any]
     promised: float
     record: bool = False
+    wire: str = "can"
 
 
 def _wrong_sign(this: run.Run, numbers: dict[str, Any]) -> None:
@@ -55,7 +59,7 @@ def _exception(this: run.Run, _: dict[str, Any]) -> None:
     process = this.processes["loop"]
 
     def grip(_: str) -> None:
-        raise RuntimeError(run.INJECTED)
+        raise RuntimeError(world.INJECTED)
 
     process.grip = grip
 
@@ -64,10 +68,39 @@ def _estop(this: run.Run, _: dict[str, Any]) -> None:
     this.operator.client.call("estop")
 
 
+def _recorder_without_memory(this: run.Run, numbers: dict[str, Any]) -> None:
+    rows = McapFile.rows
+
+    def refused(*_: object) -> None:
+        raise MemoryError
+
+    def again() -> None:
+        McapFile.rows = rows  # type: ignore[method-assign]
+
+    McapFile.rows = refused  # type: ignore[assignment,method-assign]
+    this.world.at(this.world.now + numbers["for"], again)
+
+
+def _gateway_without_memory(this: run.Run, _: dict[str, Any]) -> None:
+    def grip(_: str) -> None:
+        raise MemoryError(world.INJECTED)
+
+    this.processes["gateway"].grip = grip
+
+
+def _pump(this: run.Run, numbers: dict[str, Any]) -> None:
+    for k in range(round(numbers["for"] / 0.01)):
+        this.world.at(this.world.now + 0.01 * k, lambda: faults.KINDS["flood"].do(this, numbers))
+
+
 OWN = {
+    "board_loss": faults.Kind(0, lambda _: {}, faults.sensor("loss", 0, 0.0)),
     "wrong_sign": faults.Kind(0, lambda _: {}, _wrong_sign),
     "exception": faults.Kind(0, lambda _: {}, _exception),
     "estop": faults.Kind(0, lambda _: {}, _estop),
+    "no_memory": faults.Kind(0, lambda _: {}, _recorder_without_memory),
+    "no_memory_gateway": faults.Kind(0, lambda _: {}, _gateway_without_memory),
+    "pump": faults.Kind(0, lambda _: {}, _pump),
 }
 LONG = {"for": 3.0}
 FLOOD = {"method": "status", "count": 400}
@@ -119,7 +152,37 @@ ROWS = [
     Row("120 clients with half a line", "loris", {"count": 120, **LONG}, math.inf),
     Row("e-stop line opened", "estop_line", LONG, PERIOD + TWO_TICKS),
     Row("e-stop by a client", "estop", {}, 0.02 + TWO_TICKS),
+    Row("clients ask 2000 times a second, 3 s", "pump", {"method": "get", "count": 20, **LONG}, math.inf),
+    Row("recorder gets no memory", "no_memory", LONG, math.inf, record=True),
+    Row("gateway gets no memory for a request", "no_memory_gateway", {}, math.inf),
 ]
+
+SERIAL_ROWS = [
+    Row("loop killed", "kill", {"who": "loop", "points": 0}, SUPERVISOR + LINE),
+    Row("loop hung", "stop", {"who": "loop", "points": 0, **LONG}, HANG + 0.025 + SUPERVISOR + LINE),
+    Row("supervisor killed", "kill", {"who": "supervisor", "points": 0}, TWO_TICKS),
+    Row("all processes killed", "kill_all", {}, WATCHDOG + 0.02),
+    Row("port gone 1 s (adapter unplugged)", "unplugged", {"for": 1.0}, WATCHDOG + 0.02),
+    Row("cable cut 1 s, port stays", "cable", {"for": 1.0}, WATCHDOG + 0.02),
+    Row("board of another bit rate 1 s", "other_baud", {"for": 1.0}, WATCHDOG + 0.02),
+    Row("board restarts", "restart", {}, TWO_TICKS),
+    Row("samples stop", "silent", LONG, STALE + TWO_TICKS),
+    Row("samples damaged", "corrupt", LONG, STALE + TWO_TICKS),
+    Row("samples lost, 5 %", "board_loss", {"value": 0.05, **LONG}, math.inf),
+    Row("samples delayed, 20 ms", "delayed", {"value": 0.02, **LONG}, math.inf),
+    Row("bytes lost, 0.1 % (overrun)", "bytes_lost", {"value": 0.001, **LONG}, math.inf),
+    Row("bytes lost, 5 % (overrun)", "bytes_lost", {"value": 0.05, **LONG}, math.inf),
+    Row("garbage before each fifth write", "noise", {"value": 0.2, **LONG}, math.inf),
+    Row("sensor NaN", "nan", LONG, PERIOD + TWO_TICKS),
+    Row("sensor frozen", "frozen", LONG, FROZEN + TWO_TICKS),
+    Row("sensor out of range", "jump", {"value": 3.0, **LONG}, PERIOD + TWO_TICKS),
+    Row(
+        "channels swapped: pressure for angle", "exchanged", {"value": "pressure", **LONG}, PERIOD + TWO_TICKS
+    ),
+    Row("channels swapped: angle of a still axis", "exchanged", {"value": "still", **LONG}, math.inf),
+    Row("e-stop line opened", "estop_line", LONG, PERIOD + TWO_TICKS),
+]
+ROWS += [each._replace(name=f"serial line: {each.name}", wire="serial") for each in SERIAL_ROWS]
 
 
 class Seen(NamedTuple):
@@ -134,7 +197,7 @@ class Seen(NamedTuple):
 def observe(row: Row, seed: int) -> Seen:
     """One run of a row."""
     this_world = world.World(seed)
-    system = exchange.System(this_world)
+    system = exchange.System(this_world, row.wire)
     with tempfile.TemporaryDirectory(prefix="seod-faults-") as folder, exchange.exchanged(system):
         this = run.Run(this_world, system, Path(folder), record=row.record)
         try:
@@ -185,7 +248,7 @@ def _neutral_after(changes: list[tuple[float, float]], t: float) -> float:
     if not changes or [volts for at, volts in changes if at < t][-1:] == [0.0]:
         return 0.0
     later = [each for each in changes if each[0] >= t]
-    for (at, volts), following in zip(later, [*later[1:], (math.inf, 0.0)], strict=True):
+    for (at, volts), following in pairwise([*later, (math.inf, 0.0)]):
         if volts == 0.0 and following[0] - at > 0.5:
             return at - t
     return math.inf
@@ -223,34 +286,36 @@ def kept(row: Row, runs: list[Seen]) -> bool:
     return all(each.neutral <= row.promised and not each.failures for each in runs)
 
 
+def write(lines: dict[str, str], caption: str) -> None:
+    """Put rows into the page, beside those that were not measured anew."""
+    head, _, rest = PAGE.read_text().partition(BEGIN)
+    before, _, tail = rest.partition(END)
+    there = {each.split(" | ")[0].removeprefix("| "): each for each in before.splitlines()}
+    table = [each for row in ROWS if (each := lines.get(row.name) or there.get(row.name))]
+    PAGE.write_text("\n".join([f"{head}{BEGIN}", caption, "", HEAD, *table, f"{END}{tail}"]))
+
+
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="of each row")
-    parser.add_argument("--only", default="", help="rows that have this in their name")
+    parser.add_argument("--only", default="", help="rows that have one of these in their name, by comma")
     parser.add_argument("--write", action="store_true", help="into docs/faults.md")
     given = parser.parse_args()
-    lines = [
-        f"| {TITLES} |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    print(HEAD)
+    lines: dict[str, str] = {}
     broken = []
-    print("\n".join(lines))
     for row in ROWS:
-        if given.only in row.name:
+        if any(part in row.name for part in given.only.split(",")):
             runs = [observe(row, seed) for seed in range(1, given.runs + 1)]
-            lines.append(line(row, runs))
-            print(lines[-1], flush=True)
+            lines[row.name] = line(row, runs)
+            print(lines[row.name], flush=True)
             if not kept(row, runs):
                 broken.append(row.name)
                 print("   not kept:", *{f for each in runs for f in each.failures}, flush=True)
-    print(f"{len(lines) - 2} rows, {given.runs} runs each; not kept: {', '.join(broken) or 'none'}")
+    print(f"{len(lines)} rows, {given.runs} runs each; not kept: {', '.join(broken) or 'none'}")
     if given.write:
-        text = PAGE.read_text()
-        head, _, rest = text.partition(BEGIN)
-        _, _, tail = rest.partition(END)
-        caption = f"{given.runs} runs a row; not kept: {', '.join(broken) or 'none'}."
-        PAGE.write_text("\n".join([f"{head}{BEGIN}", caption, "", *lines, f"{END}{tail}"]))
+        write(lines, f"{given.runs} runs a row; not kept: {', '.join(broken) or 'none'}.")
     return int(bool(broken))
 
 

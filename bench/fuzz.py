@@ -148,11 +148,12 @@ def _reader(kind: str) -> Callable[[], Callable[[bytes], None]]:
             tempfile.mkdtemp(prefix="seod-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
         )
         path = folder / f"fuzz{sound.suffix}"
+        beside = "sound.log" if kind == "dbc" else "motor.dbc"  # a sound one of other names may be told, too
 
         def take(data: bytes) -> None:
             path.write_bytes(data)
             for use in uses(path, sound, folder, "csv")[:2]:
-                wrong = outcome(use, path.name, "motor.dbc")
+                wrong = outcome(use, path.name, beside)
                 assert not wrong, wrong
 
         return take
@@ -197,6 +198,8 @@ def fuzz(target: str, corpus: Path, seconds: float) -> None:
         take = TARGETS[target]()
     words = [f"-max_total_time={seconds:.0f}", f"-timeout={SLOWEST_S}", f"-rss_limit_mb={MOST_MB}"]
     words += ["-print_final_stats=1", "-verbosity=0", f"-artifact_prefix={corpus}/crash-", str(corpus)]
+    if target in READERS + LOGS:  # a crash of their reader's process is that process' own
+        words += [f"-handle_{name}=0" for name in ("segv", "bus", "abrt", "ill", "fpe")]
     atheris.Setup([sys.argv[0], *words], take)
     atheris.Fuzz()
 
@@ -228,10 +231,11 @@ def main() -> int:
             "--for",
             str(given.seconds),
         ]
-        done = subprocess.run(
-            command, check=False, capture_output=True, text=True, env=os.environ | {"TQDM_DISABLE": "1"}
-        )
-        said = done.stdout + done.stderr
+        with tempfile.TemporaryFile("w+") as log:  # a pipe would be held open by what it leaves behind
+            env = os.environ | {"TQDM_DISABLE": "1"}
+            done = subprocess.run(command, check=False, stdout=log, stderr=log, text=True, env=env)
+            log.seek(0)
+            said = log.read()
         units = re.findall(r"number_of_executed_units:\s*(\d+)", said) or ["?"]
         peak = re.findall(r"peak_rss_mb:\s*(\d+)", said) or ["?"]
         kept, ended = len(list(corpus.iterdir())), "FAILED" if done.returncode else "none failed"

@@ -20,6 +20,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -47,15 +48,18 @@ def tree(pid: int) -> list[int]:
     return found
 
 
-def resident_mb(pid: int) -> float:
-    """Of all processes of the daemon."""
-    total = 0
+def resident_mb(pid: int) -> Counter[str]:
+    """Of each process of the daemon, by the module it runs."""
+    found = Counter[str]()
     for each in tree(pid):
         try:
-            total += int(Path(f"/proc/{each}/statm").read_text().split()[1])
+            pages = int(Path(f"/proc/{each}/statm").read_text().split()[1])
+            words = Path(f"/proc/{each}/cmdline").read_text().split("\0")
         except OSError:  # it has just ended
             continue
-    return total * os.sysconf("SC_PAGE_SIZE") / 1e6
+        name = words[words.index("-m") + 1] if "-m" in words else Path(words[-2]).name
+        found[name] += pages * os.sysconf("SC_PAGE_SIZE") / 1e6  # type: ignore[assignment]
+    return found
 
 
 class Listener(threading.Thread):
@@ -83,6 +87,8 @@ def ask(method: str, **params: object) -> dict[str, object]:
             json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": params}).encode() + b"\n"
         )
         answer: dict[str, dict[str, object]] = json.loads(peer.makefile("rb").readline())
+    if "result" not in answer:
+        raise SystemExit(f"{method}: {answer['error']['message']}")
     return answer["result"]
 
 
@@ -122,6 +128,7 @@ def main() -> int:
         load: list[subprocess.Popen[bytes]] = []
         try:
             wait_for_port()
+            wait_for_ticks()
             clients = [Listener() for _ in range(given.clients)]
             for client in clients:
                 client.start()
@@ -134,6 +141,16 @@ def main() -> int:
                 each.wait()
             daemon.send_signal(signal.SIGTERM)
             daemon.wait(30)
+
+
+def wait_for_ticks() -> None:
+    """Until the loop behind the gateway runs: a start before is refused."""
+    for _ in range(600):
+        health = ask("status")["health"]
+        if isinstance(health, dict) and health["ticks"]:
+            return
+        time.sleep(0.1)
+    raise SystemExit("the loop does not tick")
 
 
 def wait_for_port() -> None:
@@ -150,22 +167,27 @@ def wait_for_port() -> None:
 
 def soak(pid: int, clients: list[Listener], seconds: float) -> int:
     """Watch for so long; 1 if rows are lost or memory grows."""
-    began, t, mb = time.monotonic(), [], []
+    began, t = time.monotonic(), []
+    each: list[Counter[str]] = []
     while (now := time.monotonic() - began) < seconds:
         if now > seconds / 5:
             t.append(now)
-            mb.append(resident_mb(pid))
+            each.append(resident_mb(pid))
         time.sleep(1.0)
     health = ask("status")["health"]
     assert isinstance(health, dict)
+    mb = [float(now.total()) for now in each]
     per_minute, half = slope(t, mb)
     ring, recorder = health["rows_lost"], health["recorder"]["lost"]
     load = os.getloadavg()[0]
     print(f"{seconds:.0f} s, {health['ticks']} ticks, {len(clients)} clients, load average {load:.1f}")
     print(f"rows lost: {ring} in the ring, {recorder} by the recorder; goal 0")
-    messages = f"{sum(each.lost for each in clients)} of {sum(each.lines for each in clients)}"
+    messages = f"{sum(one.lost for one in clients)} of {sum(one.lines for one in clients)}"
     print(f"messages lost by clients: {messages}")
     print(f"memory {mb[-1]:.0f} MB, slope {per_minute:+.3f} +- {half:.3f} MB a minute; goal: not above 0")
+    for name in each[-1]:
+        grows, give = slope(t, [now[name] for now in each])
+        print(f"  {name:<20} {each[-1][name]:>4.0f} MB, {grows:+.3f} +- {give:.3f} MB a minute")
     return int(bool(ring or recorder) or per_minute - half > 0.0)
 
 

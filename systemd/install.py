@@ -110,7 +110,9 @@ class Service:
         try:
             venv.create(release, with_pip=find_spec("pip") is None, symlinks=True)
             words = ["install", "--quiet", "--no-index", "--find-links", str(wheelhouse)]
-            words += ["--requirement", str(lock)] if lock else []
+            if lock:  # by hash; the wheel itself, which nobody has locked, comes after
+                _run([*_pip(release), *words, "--require-hashes", "--requirement", str(lock)])
+                words.append("--no-deps")
             _run([*_pip(release), *words, str(wheels[0])])
         except (InstallError, subprocess.CalledProcessError) as error:
             shutil.rmtree(release, ignore_errors=True)

@@ -9,6 +9,7 @@ import faulthandler
 import multiprocessing
 import resource
 import signal
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from seod.data.source import ReadError
@@ -17,7 +18,6 @@ from seod.files.damage import DamagedError, library
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from multiprocessing.connection import Connection
-    from pathlib import Path
 
     from seod.data.source import Block, Group, Remark, Source
 
@@ -25,6 +25,10 @@ PATIENCE_S = 3
 """Processor time that a reader may take, whatever the file's size: a small file takes 0.05 s ..."""
 PATIENCE_S_PER_MB = 10
 """... and for each megabyte; the slowest one measured took 0.1 s."""
+STILL_S = 30.0
+"""A reader that has used no processor for so long is ended: a disk that is asked answers before."""
+_LOOK_S = 0.5
+"""How often it is looked at."""
 _END_S = 1.0
 """A reader that is told to end has so long."""
 
@@ -95,6 +99,7 @@ class Apart:
 
     def _hear(self) -> Any:
         try:
+            self._wait()
             told: _Told = self._pipe.recv()
         except (EOFError, OSError):
             raise self._death() from None
@@ -104,6 +109,20 @@ class Apart:
         if told.failure is not None:
             raise told.failure
         return told.answer
+
+    def _wait(self) -> None:
+        """Until it says something.
+
+        Raises:
+            DamagedError: It stands still, as a process does that was forked while another thread held a lock.
+        """
+        used, still = -1, 0.0
+        while not self._pipe.poll(_LOOK_S):
+            before, used = used, _used_ticks(self._process.pid)
+            still = still + _LOOK_S if used == before else 0.0
+            if still >= STILL_S:
+                self._process.kill()
+                raise DamagedError(f"its reader stood still for {STILL_S:g} s; try again")
 
     def _death(self) -> DamagedError:
         self._process.join()
@@ -121,6 +140,15 @@ class Apart:
             self._process.kill()
             self._process.join()
         self._process.close()
+
+
+def _used_ticks(pid: int | None) -> int:
+    """Processor time of a process, by the system's clock ticks; 0 where it is not told."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    except OSError:
+        return 0
+    return int(fields[11]) + int(fields[12])
 
 
 def _serve(

@@ -41,8 +41,13 @@ class Rotation:
         """Do not call it any more."""
         self._waiting.pop(work, None)
 
-    def run(self, slice_s: float) -> bool:
-        """Serve until the slice is over, at least one; whether some still wait."""
+    @property
+    def waits(self) -> bool:
+        """Whether somebody is still to be served."""
+        return bool(self._waiting)
+
+    def run(self, slice_s: float) -> None:
+        """Serve until the slice is over, at least one; work that raises is not called again."""
         end = time.perf_counter() + slice_s
         while self._waiting:
             work = next(iter(self._waiting))
@@ -51,7 +56,6 @@ class Rotation:
                 self._waiting[work] = None
             if time.perf_counter() >= end:
                 break
-        return bool(self._waiting)
 
 
 class Turns:
@@ -74,10 +78,13 @@ class Turns:
     def _turn(self) -> None:
         kinds = (self.lines, self.commands, self.queries, self.sending)
         begun = time.perf_counter()
-        more = [kind.run(self._slice_s) for kind in kinds]
-        now = time.perf_counter()
-        earned = SHARE * (begun - self._counted)
-        self._credit, self._counted = min(CREDIT_S, self._credit + earned) - (now - begun), now
-        self._handle = None
-        if any(more):
-            self._soon()
+        try:
+            for kind in kinds:
+                kind.run(self._slice_s)
+        finally:  # work that fails, for want of memory for instance, must not end that of the others
+            now = time.perf_counter()
+            earned = SHARE * (begun - self._counted)
+            self._credit, self._counted = min(CREDIT_S, self._credit + earned) - (now - begun), now
+            self._handle = None
+            if any(kind.waits for kind in kinds):
+                self._soon()

@@ -5,6 +5,8 @@ No thread and no clock: the recorder's thread calls, tests step it by hand.
 
 from __future__ import annotations
 
+import errno
+import os
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -123,6 +125,17 @@ class Series:
 
     def put(self, items: Sequence[NDArray[np.void] | Note], now: float) -> None:
         """Write items as one chunk, and the counters when it is time; see `failure`."""
+        try:
+            self._make_chunk(items, now)
+        except MemoryError:
+            self._give_up(items, now)
+            return
+        if self._settle(now) and self._is_due(now):
+            self._file.finish()
+            self._finished = True
+            self._settle(now)
+
+    def _make_chunk(self, items: Sequence[NDArray[np.void] | Note], now: float) -> None:
         for item in joined(items):
             if isinstance(item, Note):
                 self._put_note(item)
@@ -132,10 +145,12 @@ class Series:
                 self._t = float(item["tick_t"][-1])
         self._note_counters(now)
         self._file.end_chunk()
-        if self._settle(now) and self._is_due(now):
-            self._file.finish()
-            self._finished = True
-            self._settle(now)
+
+    def _give_up(self, items: Sequence[NDArray[np.void] | Note], now: float) -> None:
+        """Others have the memory that a chunk needs: it is lost, and the file ends with the chunk before."""
+        notes = sum(isinstance(item, Note) for item in items)
+        self._in_flight = Amount(sum(len(item) for item in items if not isinstance(item, Note)), notes)
+        self._fail(OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)), now)
 
     def _put_note(self, note: Note) -> None:
         self._t = max(self._t, note.t)

@@ -17,25 +17,29 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=1, help="the first of them")
     parser.add_argument("--seconds", type=float, default=20.0, help="with faults, of each run")
     parser.add_argument("--for", type=float, default=float("inf"), dest="budget", help="stop after this [s]")
+    parser.add_argument("--wire", choices=("can", "serial"), default="can", help="that the rig hangs on")
     parser.add_argument("--trace", action="store_true", help="print the trace of failing seeds")
     parser.add_argument("--no-shrink", action="store_true", help="do not look for the fewest faults")
     given = parser.parse_args()
     began, simulated, faults, failed, ran = time.monotonic(), 0.0, 0, [], 0
     for seed in range(given.first, given.first + given.seeds):
-        outcome = run(seed, given.seconds)
+        outcome = run(seed, given.seconds, wire=given.wire)
         ran += 1
         simulated += outcome.simulated_s
         faults += len(outcome.faults)
         if outcome.failures:
             failed.append(seed)
-            print(f"seed {seed} (--seconds {given.seconds:g}): {outcome.failures[0]}", flush=True)
+            print(
+                f"seed {seed} (--seconds {given.seconds:g} --wire {given.wire}): {outcome.failures[0]}",
+                flush=True,
+            )
             if not given.no_shrink:
                 least = shrunk(outcome, given.seconds)
                 print(f"  {len(outcome.faults)} faults shrunk to {len(least.faults)}: {least.failures[0]}")
                 for fault in least.faults:
                     print(f"    {fault}", flush=True)
                 if given.trace:
-                    again = run(seed, given.seconds, least.faults, keep=True)
+                    again = run(seed, given.seconds, least.faults, keep=True, wire=given.wire)
                     print("\n".join(again.trace[-200:]), flush=True)
         if time.monotonic() - began > given.budget:
             break

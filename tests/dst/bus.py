@@ -11,8 +11,9 @@ import math
 import socket
 import struct
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from drivers import can_counters as count
 from tests.dst.shells import Shell
 from tests.dst.world import End
 
@@ -31,6 +32,15 @@ QUEUE = 10
 INBOX = 400
 """Frames that a socket holds."""
 BIT_S = 1e-6
+COUNTED = (
+    count.FRAMES_RECEIVED,
+    count.REPEATED,
+    count.REORDERED,
+    count.GARBAGE,
+    count.CHECKSUM_ERRORS,
+    count.WRONG_LENGTH,
+)
+"""Each frame of the sensors that is taken is in one of these."""
 VOLTS = 0.0005
 STOPS, BACK = 1.5, 0.8
 """Where the load cannot go on, and from where it is put back [rad]."""
@@ -75,8 +85,13 @@ def valve_frame(volts: float, counter: int) -> bytes:
     return head + bytes([checksum(head)])
 
 
+def sensed(data: bytes) -> tuple[bool, bool]:
+    """Run enable of an encoder frame, and whether it is sound."""
+    return bool(data[4] & 1), data[7] == checksum(data[:7])
+
+
 class Valve:
-    """A command, understood: None where it is damaged."""
+    """A command, understood; `sound` where it is not damaged."""
 
     def __init__(self, data: bytes) -> None:
         raw, counter = struct.unpack_from("<hB", data)
@@ -154,6 +169,20 @@ class CanSocket(End):
         if self.watchers:
             self.changed()
 
+    def miscount(self, counters: list[int]) -> str:
+        """What the driver's counters tell wrong ("" where nothing)."""
+        if counters[count.REOPENED]:
+            return ""
+        taken = self.taken.get(ENCODER, 0) + self.taken.get(SUPPLY, 0)
+        told = sum(counters[kind] for kind in COUNTED)
+        # one of each message may be in doubt, one in hand; after a long gap the first is left out
+        doubt = 3 + counters[count.COUNTER_RESTARTS] + counters[count.LOST] // 8
+        if not 0 <= taken - told <= doubt:
+            return f"{taken} sensor frames were taken, the counters add up to {told}"
+        if self.sent - counters[count.FRAMES_SENT] not in (0, 1):
+            return f"{self.sent} frames were sent, {counters[count.FRAMES_SENT]} counted"
+        return ""
+
     def close(self) -> None:
         if self in self.process.held:
             self.process.held.remove(self)
@@ -194,10 +223,13 @@ class Bus:
     Attributes:
         there, up, off, cut: Of the interface: it exists; it is up; it has left the bus; nobody acknowledges.
         slow: Factor on the time of a frame: other traffic has the rest.
-        on_command: Told of each command frame that the interface takes: socket, data.
+        on_command: Told of each command frame that the interface takes: socket, command.
         on_arrival: Told of each command frame that reaches the rig: data.
-        on_sensor, on_foreign: Told of encoder frames, and of others' commands, that reach this computer.
+        on_sensor: Told of encoder frames that reach this computer: run enable, sound.
+        on_foreign: Told of others' commands that reach it.
     """
+
+    HEALTHY: ClassVar[dict[str, Any]] = {"there": True, "up": True, "off": False, "cut": False, "slow": 1.0}
 
     def __init__(self, world: World, realtime: Callable[[], float]) -> None:
         self.world, self.realtime = world, realtime
@@ -207,9 +239,9 @@ class Bus:
         self.sockets: list[CanSocket] = []
         self.queue: deque[tuple[CanSocket | None, bytes]] = deque()
         self.others: deque[tuple[int, bytes]] = deque()
-        self.on_command: Callable[[CanSocket, bytes], None] = lambda *_: None
+        self.on_command: Callable[[CanSocket, Valve], None] = lambda *_: None
         self.on_arrival: Callable[[bytes], None] = lambda _: None
-        self.on_sensor: Callable[[bytes], None] = lambda _: None
+        self.on_sensor: Callable[[bool, bool], None] = lambda *_: None
         self.on_foreign: Callable[[], None] = lambda: None
         self._busy = False
 
@@ -233,7 +265,7 @@ class Bus:
         self.queue.append((source, frame))
         self.world.note(f"{source.process.name} sends {frame.hex()}")
         if FRAME.unpack(frame)[0] == VALVE:
-            self.on_command(source, frame[8:12])
+            self.on_command(source, Valve(frame[8:12]))
         source.sent += 1
         self._go()
 
@@ -284,7 +316,7 @@ class Bus:
         if self.there and self.up and not self.off and not self.cut:
             frame = FRAME.pack(identifier, len(data), data)
             if identifier == ENCODER:
-                self.on_sensor(data)
+                self.on_sensor(*sensed(data))
             elif identifier == VALVE:
                 self.on_foreign()
             for each in list(self.sockets):
@@ -369,6 +401,7 @@ class Rig:
         loss: Part of the encoder's frames that never come; likewise `twice`, `swap`.
         delay: They come so much later [s].
         offset: Added to the encoder's angle [rad].
+        nan, instead: As a board's angle may be (`tests.dst.line`).
         on_volts: Told when the output changes.
     """
 
@@ -378,7 +411,8 @@ class Rig:
         self.plant = Plant(world.now)
         self.volts = 0.0
         self.run = True
-        self.silent = self.frozen = self.corrupt = False
+        self.silent = self.frozen = self.corrupt = self.nan = False
+        self.instead = ""
         self.loss = self.twice = self.swap = 0.0
         self.delay = self.offset = 0.0
         self.noise = 2e-4
@@ -400,14 +434,17 @@ class Rig:
         self._put_back()
         if not self.frozen:
             self._angle = self.plant.position + self.offset + self.rng.gauss(0.0, self.noise)
+        self._publish()
+        self._next += self.period
+        self.world.at(self._next, self._turn)
+
+    def _publish(self) -> None:
         data = encoder_frame(self._angle, self.run, self._counter)
         self._counter += 1
         if self._counter % 10 == 0:
             self.bus.put(SUPPLY, supply_frame(self._supply))
             self._supply += 1
         self._send(bytes([data[0] ^ 1]) + data[1:] if self.corrupt else data)
-        self._next += self.period
-        self.world.at(self._next, self._turn)
 
     def _put_back(self) -> None:
         """Somebody puts a load that stands out of its travel back to the middle."""

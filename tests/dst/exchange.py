@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 from contextlib import contextmanager
+from random import Random
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -14,6 +15,8 @@ import drivers.can_link
 import drivers.can_socket
 import drivers.clock
 import drivers.neutral
+import drivers.serial
+import drivers.serial_link
 import seod.gateway.process
 import seod.gateway.server
 import seod.gateway.turns
@@ -29,7 +32,7 @@ import seod.record.recorder
 import seod.supervisor.child
 import seod.supervisor.process
 from seod.files.user_files import create_recording
-from tests.dst import bus, net, processes, shells, sockets
+from tests.dst import bus, line, net, processes, shells, sockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -44,13 +47,22 @@ FIFO, NORMAL = (2e-6, 3e-5), (2e-5, 8e-4)
 
 
 class System:
-    """All shells of one world."""
+    """All shells of one world.
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    Args:
+        world: Where they live.
+        wire: The rig hangs on `can` or `serial`.
+    """
+
+    def __init__(self, world: World, wire: str = "can") -> None:
+        self.world, self.wire = world, wire
         self.time = shells.Time(world)
         self.os = FilesOs(world)
-        self.bus = bus.Bus(world, self.time.time)
+        self.bus: Any = (
+            bus.Bus(world, self.time.time)
+            if wire == "can"
+            else line.Line(world, Random(f"{world.seed} line"))
+        )
         self.network = net.Network(world)
         self.can_socket = type("Raw", (bus.CanSocket,), {"bus": self.bus})
         self.processes = processes.Subprocesses(
@@ -79,6 +91,7 @@ class System:
             seod.loop.pacer,
             seod.loop.tick,
             drivers.can,
+            drivers.serial,
             seod.gateway.process,
             seod.gateway.turns,
             seod.observe.process,
@@ -111,8 +124,11 @@ class System:
             drivers.neutral,
         ):
             yield module, "socket", pairs
-        yield drivers.can_link, "socket", shells_of_link(world, self)
-        yield drivers.can_link, "can", CanShell(self.bus, self.can_socket)
+        if self.wire == "can":
+            yield drivers.can_link, "socket", shells_of_link(world, self)
+            yield drivers.can_link, "can", CanShell(self.bus, self.can_socket)
+        else:
+            yield from self._port()
         for module in (seod.supervisor.process, seod.observe.process, drivers.can_socket):
             yield module, "select", select
         yield seod.supervisor.process, "sys", sys
@@ -122,6 +138,15 @@ class System:
         yield seod.gateway.process, "asyncio", net.AsyncioShell(world, self.network)
         yield seod.record.recorder, "threading", processes.Threads(world)
         yield from self._functions()
+
+    def _port(self) -> Iterator[tuple[Any, str, Any]]:
+        world, wire = self.world, self.bus
+        for module in (drivers.serial_link, drivers.neutral):
+            yield module, "os", line.PortOs(world, wire)
+            yield module, "termios", line.Termios(world, wire)
+        yield drivers.serial_link, "serial", line.Serial(world, wire)
+        yield drivers.serial_link, "select", line.HangUp(world)
+        yield drivers.serial_link, "Arrivals", lambda fd: line.Arrivals(world.ends[fd])
 
     def _functions(self) -> Iterator[tuple[Any, str, Any]]:
         def die_with_parent(pid: int) -> None:

@@ -38,11 +38,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Kind:
-    """What a kind of fault is; `weight` is how often it is drawn."""
+    """What a kind of fault is; `weight` is how often it is drawn, `wires` where it makes sense."""
 
     weight: float
     draw: Callable[[Random], Numbers]
     do: Callable[[Run, Numbers], None]
+    wires: tuple[str, ...] = ("can", "serial")
 
 
 def _span(rng: Random, short: float, long: float) -> float:
@@ -138,7 +139,7 @@ def _bus(**state: Any) -> Callable[[Run, Numbers], None]:
     return do
 
 
-def _sensor(name: str, value: Any, back: Any) -> Callable[[Run, Numbers], None]:
+def sensor(name: str, value: Any, back: Any) -> Callable[[Run, Numbers], None]:
     """The rig's sensors in another state for a while."""
 
     def do(run: Run, numbers: Numbers) -> None:
@@ -234,6 +235,17 @@ def _cut_client(run: Run, numbers: Numbers) -> None:
     (run.watcher if numbers["who"] == "watcher" else run.operator).client.leave()
 
 
+def _line(name: str) -> Callable[[Run, Numbers], None]:
+    """A number of the line for a while."""
+
+    def do(run: Run, numbers: Numbers) -> None:
+        run.heal_bus({name: numbers["value"]})
+        run.world.at(run.world.now + numbers["for"], lambda: run.heal_bus({name: 0.0}))
+
+    return do
+
+
+CAN, SERIAL = ("can",), ("serial",)
 WHO = ("loop", "gateway", "observe", "supervisor")
 
 
@@ -253,31 +265,31 @@ KINDS: dict[str, Kind] = {
     ),
     "term": Kind(0.4, lambda _: {}, _term),
     "kill_all": Kind(0.4, lambda _: {}, _kill_all),
-    "down": Kind(2, lambda r: {"for": _span(r, 0.002, 2)}, _bus(up=False)),
-    "gone": Kind(1, lambda r: {"for": _span(r, 0.01, 2)}, _bus(there=False)),
-    "bus_off": Kind(2, lambda r: {"for": _span(r, 0.005, 1)}, _bus(off=True)),
-    "cut": Kind(2, lambda r: {"for": _span(r, 0.002, 1)}, _bus(cut=True)),
-    "load": Kind(2, lambda r: {"for": _span(r, 0.01, 1)}, _bus(slow=20.0)),
-    "passive": Kind(0.5, lambda _: {}, lambda run, _: run.system.bus.passive()),
-    "silent": Kind(3, lambda r: {"for": _span(r, 0.005, 0.5)}, _sensor("silent", True, False)),
-    "frozen": Kind(2, lambda r: {"for": _span(r, 0.1, 1.5)}, _sensor("frozen", True, False)),
-    "corrupt": Kind(1, lambda r: {"for": _span(r, 0.005, 0.5)}, _sensor("corrupt", True, False)),
+    "down": Kind(2, lambda r: {"for": _span(r, 0.002, 2)}, _bus(up=False), CAN),
+    "gone": Kind(1, lambda r: {"for": _span(r, 0.01, 2)}, _bus(there=False), CAN),
+    "bus_off": Kind(2, lambda r: {"for": _span(r, 0.005, 1)}, _bus(off=True), CAN),
+    "cut": Kind(2, lambda r: {"for": _span(r, 0.002, 1)}, _bus(cut=True), CAN),
+    "load": Kind(2, lambda r: {"for": _span(r, 0.01, 1)}, _bus(slow=20.0), CAN),
+    "passive": Kind(0.5, lambda _: {}, lambda run, _: run.system.bus.passive(), CAN),
+    "silent": Kind(3, lambda r: {"for": _span(r, 0.005, 0.5)}, sensor("silent", True, False)),
+    "frozen": Kind(2, lambda r: {"for": _span(r, 0.1, 1.5)}, sensor("frozen", True, False)),
+    "corrupt": Kind(1, lambda r: {"for": _span(r, 0.005, 0.5)}, sensor("corrupt", True, False)),
     "lost": Kind(
-        2, lambda r: {"value": r.uniform(0.01, 0.5), "for": _span(r, 0.1, 2)}, _sensor("loss", 0, 0.0)
+        2, lambda r: {"value": r.uniform(0.01, 0.5), "for": _span(r, 0.1, 2)}, sensor("loss", 0, 0.0)
     ),
     "twice": Kind(
-        1, lambda r: {"value": r.uniform(0.1, 1), "for": _span(r, 0.1, 2)}, _sensor("twice", 0, 0.0)
+        1, lambda r: {"value": r.uniform(0.1, 1), "for": _span(r, 0.1, 2)}, sensor("twice", 0, 0.0), CAN
     ),
     "swapped": Kind(
-        1, lambda r: {"value": r.uniform(0.1, 1), "for": _span(r, 0.1, 2)}, _sensor("swap", 0, 0.0)
+        1, lambda r: {"value": r.uniform(0.1, 1), "for": _span(r, 0.1, 2)}, sensor("swap", 0, 0.0), CAN
     ),
     "delayed": Kind(
-        2, lambda r: {"value": _span(r, 0.001, 0.1), "for": _span(r, 0.1, 1)}, _sensor("delay", 0, 0.0)
+        2, lambda r: {"value": _span(r, 0.001, 0.1), "for": _span(r, 0.1, 1)}, sensor("delay", 0, 0.0)
     ),
     "jump": Kind(
-        2, lambda r: {"value": r.uniform(-2, 2), "for": _span(r, 0.01, 0.5)}, _sensor("offset", 0, 0.0)
+        2, lambda r: {"value": r.uniform(-2, 2), "for": _span(r, 0.01, 0.5)}, sensor("offset", 0, 0.0)
     ),
-    "estop_line": Kind(2, lambda r: {"for": _span(r, 0.01, 1)}, _sensor("run", False, True)),
+    "estop_line": Kind(2, lambda r: {"for": _span(r, 0.01, 1)}, sensor("run", False, True)),
     "foreign": Kind(
         1,
         lambda r: {
@@ -286,6 +298,7 @@ KINDS: dict[str, Kind] = {
             "local": r.random() < 0.5,
         },
         _foreign,
+        CAN,
     ),
     "clock": Kind(2, lambda r: {"by": r.choice([-3600.0, -1.0, -0.01, 0.01, 1.0, 86400.0])}, _clock),
     "disk": Kind(
@@ -306,12 +319,30 @@ KINDS: dict[str, Kind] = {
     "loris": Kind(0.5, lambda r: {"count": r.randrange(1, 120), "for": _span(r, 0.1, 4)}, _loris),
     "deaf": Kind(1, lambda r: {"for": _span(r, 0.1, 4)}, _deaf),
     "client_gone": Kind(1, lambda r: {"who": r.choice(["watcher", "operator"])}, _cut_client),
+    "unplugged": Kind(2, lambda r: {"for": _span(r, 0.01, 2)}, _bus(there=False), SERIAL),
+    "cable": Kind(2, lambda r: {"for": _span(r, 0.002, 1)}, _bus(cut=True), SERIAL),
+    "other_baud": Kind(1, lambda r: {"for": _span(r, 0.01, 1)}, _bus(other_baud=True), SERIAL),
+    "bytes_lost": Kind(
+        2, lambda r: {"value": r.uniform(0.001, 0.1), "for": _span(r, 0.05, 2)}, _line("loss"), SERIAL
+    ),
+    "noise": Kind(
+        2, lambda r: {"value": r.uniform(0.01, 0.5), "for": _span(r, 0.05, 2)}, _line("noise"), SERIAL
+    ),
+    "restart": Kind(1, lambda _: {}, lambda run, _: run.rig.restart(), SERIAL),
+    "nan": Kind(2, lambda r: {"for": _span(r, 0.005, 0.5)}, sensor("nan", True, False), SERIAL),
+    "exchanged": Kind(
+        1,
+        lambda r: {"value": r.choice(["still", "pressure"]), "for": _span(r, 0.01, 0.5)},
+        sensor("instead", "", ""),
+        SERIAL,
+    ),
 }
 
 
-def drawn(rng: Random, count: int, first: float, last: float) -> list[Fault]:
+def drawn(rng: Random, count: int, first: float, last: float, wire: str) -> list[Fault]:
     """So many faults between two times [s], in order."""
-    names, weights = list(KINDS), [kind.weight for kind in KINDS.values()]
+    names = [name for name, kind in KINDS.items() if wire in kind.wires]
+    weights = [KINDS[name].weight for name in names]
     times = sorted(round(rng.uniform(first, last), 4) for _ in range(count))
     faults = []
     for t in times:

@@ -8,7 +8,7 @@ import errno
 import math
 from typing import TYPE_CHECKING, Any
 
-from tests.dst.world import Dead
+from tests.dst.world import INJECTED, Dead
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -79,7 +79,8 @@ class SimLoop(asyncio.BaseEventLoop):
             raise Dead  # asyncio keeps all but the end of a process
         if not self.process.alive:
             return
-        self.world.fail(f"gateway: {context['message']}: {error!r}")
+        if error is None or error.args != (INJECTED,):
+            self.world.fail(f"gateway: {context['message']}: {error!r}")
 
 
 class Nudge:

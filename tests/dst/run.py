@@ -20,25 +20,26 @@ import seod.supervisor.process
 from seod.config.load import load_rig
 from seod.launch.daemon import ring_rows
 from seod.processes.handover import write_memfd
-from tests.dst.bus import Rig, checksum
+from tests.dst.bus import Rig
 from tests.dst.checks import Checks
 from tests.dst.clients import Client, Operator, Watcher
 from tests.dst.exchange import FIFO, Once, System, exchanged
 from tests.dst.faults import KINDS, Fault, drawn
-from tests.dst.world import START_S, Dead, World
+from tests.dst.line import Board
+from tests.dst.world import INJECTED, START_S, Dead, World
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tests.dst.world import Process
 
-RIG = Path(__file__).with_name("rig.yaml")
+RIGS = {
+    wire: Path(__file__).with_name(name) for wire, name in (("can", "rig.yaml"), ("serial", "serial.yaml"))
+}
 FAULTS_S = 0.35
 """Mean time between faults [s]."""
 BEGIN_S, HEAL_S = 2.0, 4.0
 """Before the first fault, and after the last one has passed."""
-INJECTED = "injected"
-"""The message of an exception that is itself the fault."""
 RESTART_S = 1.0
 """As `RestartSec=` of the unit."""
 EXCITED_S = 14.0
@@ -57,12 +58,13 @@ class Outcome:
     faults: tuple[Fault, ...]
     commands: int
     trace: tuple[str, ...] = ()
+    wire: str = "can"
 
 
-@lru_cache(maxsize=1)
-def rig_config() -> Any:
+@lru_cache
+def rig_config(wire: str) -> Any:
     """The rig file, read once."""
-    return load_rig(RIG)
+    return load_rig(RIGS[wire])
 
 
 class Run:
@@ -74,12 +76,13 @@ class Run:
 
     def __init__(self, world: World, system: System, folder: Path, record: bool) -> None:
         self.world, self.system, self.folder, self.record = world, system, folder, record
-        self.config = rig_config()
+        self.config = rig_config(system.wire)
         self.processes: dict[str, Process] = {}
         self.checks = Checks(world, system, self.config)
-        self.rig = Rig(world, system.bus, Random(f"{world.seed} rig"), 200.0, 0.4)
+        end: Any = Rig if system.wire == "can" else Board
+        self.rig = end(world, system.bus, Random(f"{world.seed} rig"), 200.0, 0.4)
         self.checks.rig = self.rig
-        system.bus.on_sensor = lambda data: self.checks.sensed(*sensed(data))
+        system.bus.on_sensor = self.checks.sensed
         system.bus.on_foreign = self.checks.commanded_by_others
         system.processes.started = self._started
         self.starts = 0
@@ -110,7 +113,7 @@ class Run:
         self.system.os.mine.add(fd)
         arguments = seod.supervisor.process.SupervisorArguments(
             config_fd=fd,
-            config_path=str(RIG),
+            config_path=str(RIGS[self.system.wire]),
             rig=config.rig,
             axes=len(config.axes),
             rows=ring_rows(config),
@@ -140,10 +143,11 @@ class Run:
         """All that a fault may have left."""
         self.world.note("heal")
         bus, rig = self.system.bus, self.rig
-        healthy = {"there": True, "up": True, "off": False, "cut": False, "slow": 1.0}
+        healthy = bus.HEALTHY
         if any(getattr(bus, name) != value for name, value in healthy.items()):
             bus.set_state(**healthy)
-        rig.silent = rig.frozen = rig.corrupt = False
+        rig.silent = rig.frozen = rig.corrupt = rig.nan = False
+        rig.instead = ""
         rig.loss = rig.twice = rig.swap = rig.delay = rig.offset = 0.0
         rig.run = True
         self.system.os.disk = lambda _: None
@@ -153,19 +157,20 @@ class Run:
                 self.world.kill(process, signal.SIGCONT)
 
 
-def sensed(data: bytes) -> tuple[bool, bool]:
-    """Run enable of an encoder frame, and whether it is sound."""
-    return bool(data[4] & 1), data[7] == checksum(data[:7])
-
-
-def faults_of(seed: int, duration: float) -> list[Fault]:
+def faults_of(seed: int, duration: float, wire: str) -> list[Fault]:
     """The list of a seed."""
     rng = Random(f"{seed} faults")
     count = max(1, round(duration / FAULTS_S * rng.uniform(0.2, 1.5)))
-    return drawn(rng, count, BEGIN_S, BEGIN_S + duration)
+    return drawn(rng, count, BEGIN_S, BEGIN_S + duration, wire)
 
 
-def run(seed: int, duration: float, faults: Sequence[Fault] | None = None, keep: bool = False) -> Outcome:
+def run(
+    seed: int,
+    duration: float,
+    faults: Sequence[Fault] | None = None,
+    keep: bool = False,
+    wire: str = "can",
+) -> Outcome:
     """One run.
 
     Args:
@@ -173,14 +178,15 @@ def run(seed: int, duration: float, faults: Sequence[Fault] | None = None, keep:
         duration: Time with faults [s].
         faults: Instead of the seed's own.
         keep: Keep the trace.
+        wire: The rig hangs on `can` or `serial`.
     """
-    chosen = tuple(faults_of(seed, duration) if faults is None else faults)
+    chosen = tuple(faults_of(seed, duration, wire) if faults is None else faults)
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)
     enabled, hook = gc.isenabled(), sys.unraisablehook
     gc.disable()  # what it does must not depend on when
     sys.unraisablehook = lambda told: None if isinstance(told.exc_value, Dead) else hook(told)
     try:
-        return _outcome(seed, duration, chosen, keep)
+        return _outcome(seed, duration, chosen, keep, wire)
     finally:
         gc.collect()  # what the processes had mapped
         sys.unraisablehook = hook
@@ -188,9 +194,9 @@ def run(seed: int, duration: float, faults: Sequence[Fault] | None = None, keep:
             gc.enable()
 
 
-def _outcome(seed: int, duration: float, faults: tuple[Fault, ...], keep: bool) -> Outcome:
+def _outcome(seed: int, duration: float, faults: tuple[Fault, ...], keep: bool, wire: str) -> Outcome:
     world = World(seed, keep)
-    system = System(world)
+    system = System(world, wire)
     with (
         tempfile.TemporaryDirectory(prefix="seod-dst-", dir=_fast_folder()) as folder,
         warnings.catch_warnings(),
@@ -208,6 +214,7 @@ def _outcome(seed: int, duration: float, faults: tuple[Fault, ...], keep: bool) 
         faults,
         this.checks.checked,
         tuple(world.trace or ()),
+        wire,
     )
 
 

@@ -23,7 +23,7 @@ def shrunk(outcome: Outcome, duration: float) -> Outcome:
         for at in range(0, len(best.faults), size):
             kept: Sequence[Fault] = best.faults[:at] + best.faults[at + size :]
             tries += 1
-            again = run(outcome.seed, duration, kept)
+            again = run(outcome.seed, duration, kept, wire=outcome.wire)
             if again.failures:
                 best, parts = again, max(2, parts - 1)
                 break

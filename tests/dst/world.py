@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 START_S = 1000.0
+INJECTED = "injected"
+"""The message of an exception that is itself the fault."""
 EXEC_S = (0.02, 0.2)
 """From `exec` to the first line of a process [s]."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -42,6 +43,15 @@ def crashed():
 
 def endless():
     while True:
+        pass
+
+
+def asleep():
+    time.sleep(1000.0)
+
+
+def slow():
+    while time.process_time() < 2.5:
         pass
 
 
@@ -98,6 +108,19 @@ def test_what_was_read_before_a_failure_stays(then, said, path, monkeypatch):
     assert rows == 3
     assert remarks[0] == "z: is odd"
     assert said in remarks[1]
+
+
+def test_a_reader_that_stands_still_is_ended(path, monkeypatch):
+    monkeypatch.setattr(apart, "STILL_S", 0.2)
+    monkeypatch.setattr(apart, "_LOOK_S", 0.1)
+    rows, remarks = read(path, asleep)
+    assert rows == 3
+    assert "stood still" in remarks[1]
+
+
+def test_a_reader_that_is_slow_is_waited_for(path, monkeypatch):
+    monkeypatch.setattr(apart, "STILL_S", 1.5)
+    assert read(path, slow) == (3, ["z: is odd"])
 
 
 def test_an_error_of_the_reader_is_its_own(path):

@@ -9,13 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from cobs import cobs
 
 import seod.supervisor.process
-from drivers.neutral import SocketcanNeutral
+from drivers.neutral import SerialNeutral, SocketcanNeutral
+from drivers.serial_frame import encode
+from drivers.serial_inputs import SerialInputs
 from seod.loop.guard import AxisGuard
 from seod.loop.tick import Loop
 from tests.dst.bus import Plant
 from tests.dst.faults import Fault
+from tests.dst.line import Stream, frame, stuffed, unstuffed
 from tests.dst.run import run
 from tests.dst.shrink import shrunk
 
@@ -30,11 +34,17 @@ SEEDS = 4
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-@pytest.mark.parametrize("first", range(1, 25, SEEDS))
-def test_nothing_unguarded_leaves_whatever_happens(first: int) -> None:
+@pytest.mark.parametrize(
+    ("wire", "first"),
+    [
+        *(("can", first) for first in range(1, 25, SEEDS)),
+        *(("serial", first) for first in range(1, 5, SEEDS)),
+    ],
+)
+def test_nothing_unguarded_leaves_whatever_happens(wire: str, first: int) -> None:
     for seed in range(first, first + SEEDS):
-        outcome = run(seed, SECONDS)
-        assert not outcome.failures, f"make dst SEEDS=1 FIRST={seed}: {outcome.failures}"
+        outcome = run(seed, SECONDS, wire=wire)
+        assert not outcome.failures, f"make dst SEEDS=1 FIRST={seed} WIRE={wire}: {outcome.failures}"
         assert outcome.commands > 500
 
 
@@ -59,6 +69,10 @@ def _beyond_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _no_neutral_by_the_supervisor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SocketcanNeutral, "write", lambda *_: "")
+
+
+def _no_neutral_to_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SerialNeutral, "write", lambda *_: "")
 
 
 def _no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,6 +124,42 @@ def test_each_invariant_can_fail(
     break_it(monkeypatch)
     outcome = run(1, 4.0, [fault])
     assert said in " ".join(outcome.failures)
+
+
+def _a_driver_that_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SerialInputs, "_count", lambda *_: None)
+
+
+KILLED = Fault(5.0, "kill", {"who": "loop", "points": 0})
+
+
+@pytest.mark.parametrize(
+    ("break_it", "fault", "said"),
+    [
+        (_beyond_limits, STARTED, "limits.output"),
+        (_no_neutral_to_the_port, KILLED, "after the loop died"),
+        (_no_verdict, Fault(5.0, "estop_line", {"for": 0.5}), "e-stop line"),
+        (_a_driver_that_does_not_count, KILLED, "samples were read"),
+    ],
+)
+def test_each_invariant_can_fail_on_a_serial_line(
+    break_it: Callable[[pytest.MonkeyPatch], None], fault: Fault, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not run(1, 4.0, [fault], wire="serial").failures
+    break_it(monkeypatch)
+    outcome = run(1, 4.0, [fault], wire="serial")
+    assert said in " ".join(outcome.failures)
+
+
+def test_the_simulated_board_frames_as_the_driver_does() -> None:
+    for content in (b"\x02\x07" + bytes(9), bytes(range(1, 200)), b"\0", b"\0\0a\0"):
+        assert stuffed(content) == cobs.encode(content) + b"\0"
+        assert unstuffed(stuffed(content)[:-1]) == content
+    assert frame(0x83, 257, b"\0\1") == encode(0x83, 1, b"\0\1")
+    stream, sound = Stream(), frame(0x83, 1, b"ab")
+    damaged = bytes([sound[0], sound[1] ^ 1]) + sound[2:]
+    assert stream.feed(damaged + sound[:4]) == []
+    assert stream.feed(sound[4:]) == [(0x83, 1, b"ab")]
 
 
 def test_a_gateway_that_starts_after_the_loop_died_knows_of_it(capfd: pytest.CaptureFixture[str]) -> None:

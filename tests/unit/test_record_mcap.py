@@ -18,6 +18,7 @@ from seod.record import disk as disk_module
 from seod.record import recorder as recorder_module
 from seod.record.disk import DiskFile
 from seod.record.layout import COUNTERS, EVENTS, decode
+from seod.record.mcap_file import McapFile
 from seod.record.recorder import McapRecorder
 from seod.record.series import Note, Rotation, Series, joined
 
@@ -171,6 +172,25 @@ def test_a_disk_that_went_away_costs_what_was_under_way_and_a_new_file_begins(tm
     assert content.rows()["tick"].tolist() == list(range(20, 30))
     assert content.metadata["part"] == "2"
     assert content.json(COUNTERS)[0]["lost"] == 10
+    assert len(whole_rows(tmp_path / "a.mcap")) == 10
+
+
+def test_a_chunk_that_gets_no_memory_is_lost_and_a_new_file_begins(tmp_path, monkeypatch):
+    one = series(tmp_path / "a.mcap")
+    one.put([rows(10)], now=0.0)
+
+    def refused(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as hog:
+        hog.setattr(McapFile, "rows", refused)
+        one.put([Note(EVENTS, 1.0, {"t": 1.0}), rows(10, first=10), rows(5, first=20)], now=1.0)
+    assert one.failure.endswith("cannot be written: Cannot allocate memory")
+    assert (one.written.rows, one.lost.rows, one.lost.notes) == (10, 15, 1)
+    assert one.ready(3.0)
+    one.put([rows(10, first=25)], now=3.0)
+    one.finish(3.0)
+    assert Content(tmp_path / "a.0002.mcap").rows()["tick"].tolist() == list(range(25, 35))
     assert len(whole_rows(tmp_path / "a.mcap")) == 10
 
 

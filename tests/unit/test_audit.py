@@ -1,0 +1,95 @@
+"""`make audit` fails on an advisory, and passes unasked only where there is no database to ask."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+PATH = Path(__file__).parents[2] / ".ci" / "audit.py"
+
+
+@pytest.fixture
+def audit() -> Any:
+    spec = importlib.util.spec_from_file_location("audit", PATH)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@contextmanager
+def answering(status: int, body: bytes) -> Iterator[str]:
+    """A server on this machine that always says this."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(status)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Silent."""
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "why"),
+    [
+        (200, b'{"vulnerabilities": []}', ""),
+        (404, b"", "HTTP 404 Not Found"),
+        (200, b'{"name": "pip"}', "the answer has no advisories"),
+        (200, b"[]", "the answer has no advisories"),
+    ],
+)
+def test_a_database_is_one_that_tells_advisories(audit: Any, status: int, body: bytes, why: str) -> None:
+    with answering(status, body) as url:
+        assert audit.missing(url) == why
+
+
+def test_what_is_no_database(audit: Any) -> None:
+    with answering(200, b"<html>") as url:
+        assert "Expecting value" in audit.missing(url)
+    assert "refused" in audit.missing(url)
+
+
+@pytest.mark.parametrize(
+    ("missing", "required", "found", "code"),
+    [
+        ("", "", 0, 0),
+        ("", "", 1, 1),
+        ("", "required", 1, 1),
+        ("refused", "", None, 0),
+        ("refused", "required", None, 1),
+    ],
+)
+def test_an_advisory_fails_and_a_missing_database_only_where_it_is_required(
+    audit: Any, missing: str, required: str, found: int | None, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(command: list[Any], check: bool) -> SimpleNamespace:
+        assert found is not None, "it was asked although it is not there"
+        assert command[0].name == "pip-audit"
+        assert not check
+        return SimpleNamespace(returncode=found)
+
+    monkeypatch.setenv("AUDIT", required)
+    monkeypatch.setattr(audit, "missing", lambda: missing)
+    monkeypatch.setattr(subprocess, "run", run)
+    assert audit.main() == code
