@@ -13,6 +13,11 @@ static void command(const Plant *p, State *s, double volts) {
   s->target = clip(s->target, volts - p->valve_hysteresis_half_width, volts + p->valve_hysteresis_half_width);
 }
 
+static void move_spool(const Plant *p, State *s, double h) {
+  if (swings(p)) s->spool = swung(p, s, h, &s->spool_speed);
+  else s->spool = spool_at(p, s, h);
+}
+
 static double measured(const Plant *p, const State *s) {
   return rectified(p, p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity));
 }
@@ -42,7 +47,7 @@ static void step(const Plant *p, const State *s, const double *z, double h, doub
 }
 
 static void accept(const Plant *p, State *s, const double *z, double h) {
-  s->spool = spool_at(p, s, h);
+  move_spool(p, s, h);
   s->t += h;
   s->pressure = z[PRESSURE], s->velocity = z[VELOCITY], s->position = z[POSITION];
   s->velocity2 = z[VELOCITY2], s->position2 = z[POSITION2], s->bristle = z[BRISTLE], s->lagged = z[LAGGED];

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim import kernel, physics, runs
+from sim import kernel, physics, runs, substep
 from sim.effects import MAP_KNOTS
 from sim.parameters import PARAMETERS
 from sim.runs import RELAY
@@ -26,6 +26,7 @@ CONSTANTS = {
     "SHARPNESS": kernel.SHARPNESS,
     "MOST_TRIALS": kernel.MOST_TRIALS,
     "MOST_EVENTS": kernel.MOST_EVENTS,
+    "HALVINGS": substep.HALVINGS,
     "ON_TIME": runs.ON_TIME,
     "MAP_KNOTS": MAP_KNOTS,
 }

@@ -39,6 +39,26 @@ static double ramps_for(const Plant *p, const State *s) {
 
 static bool spool_moves(const Plant *p) { return p->valve_lag_time > 0.0 || p->valve_rate_limit_rate < INFINITY; }
 
+static bool swings(const Plant *p) {
+  const bool limited = p->valve_rate_limit_rate < INFINITY;
+  return p->spool_inertia_omega < INFINITY && p->valve_lag_time > 0.0 && !limited;
+}
+
+static double swung(const Plant *p, const State *s, double h, double *speed_then) {
+  const double square = p->spool_inertia_omega * p->spool_inertia_omega, d = 0.5 * p->valve_lag_time * square;
+  const double off = s->spool - s->target, speed = s->spool_speed, beyond = d * d - square;
+  double even = exp(-d * h), odd = even * h;
+  if (beyond > 0.0) {
+    const double k = sqrt(beyond), slow = exp(-h * square / (d + k)), fast = exp(-h * (d + k));
+    even = 0.5 * (slow + fast), odd = 0.5 * (slow - fast) / k;
+  } else if (beyond < 0.0) {
+    const double k = sqrt(-beyond), fading = even;
+    even = fading * cos(k * h), odd = fading * sin(k * h) / k;
+  }
+  *speed_then = even * speed - odd * (d * speed + square * off);
+  return s->target + even * off + odd * (speed + d * off);
+}
+
 static double spool_at(const Plant *p, const State *s, double h) {
   const double lag = p->valve_lag_time, rate = p->valve_rate_limit_rate;
   if (rate < INFINITY) {
@@ -48,6 +68,8 @@ static double spool_at(const Plant *p, const State *s, double h) {
     return s->target - copysign(min(fabs(way), rate * lag) * exp((ramp - h) / lag), way);
   }
   if (lag == 0.0) return s->target;
+  double speed;
+  if (p->spool_inertia_omega < INFINITY) return swung(p, s, h, &speed);
   return s->target + (s->spool - s->target) * exp(-h / lag);
 }
 

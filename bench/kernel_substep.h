@@ -8,7 +8,19 @@ static double passes(const Plant *p, double before, double after) {
   return max(0.0, before - knee) / rate + lag * log(min(before, knee) / after);
 }
 
-static double next_edge(const Plant *p, const State *s) {
+static double swings_past(const Plant *p, const State *s, double edge, double h) {
+  const double before = s->spool - edge;
+  double speed, low = 0.0, high = h;
+  if (before * (swung(p, s, h, &speed) - edge) >= 0.0) return INFINITY;
+  for (int i = 0; i < HALVINGS; i++) {
+    const double middle = 0.5 * (low + high);
+    if (before * (swung(p, s, middle, &speed) - edge) < 0.0) high = middle;
+    else low = middle;
+  }
+  return high;
+}
+
+static double next_edge(const Plant *p, const State *s, double h) {
   double nearest = INFINITY;
   if (!spool_moves(p)) return nearest;
   if (p->valve_rate_limit_rate < INFINITY) {
@@ -16,8 +28,12 @@ static double next_edge(const Plant *p, const State *s) {
     if (ramp > 1e-9 * p->valve_lag_time) nearest = ramp;
   }
   for (double side = -1.0; side <= 1.0; side += 2.0) {
-    const double before = s->spool - s->target;
-    const double after = p->null_shift_voltage + side * p->valve_deadband_half_width - s->target;
+    const double edge = p->null_shift_voltage + side * p->valve_deadband_half_width;
+    if (swings(p)) {
+      nearest = min(nearest, swings_past(p, s, edge, h));
+      continue;
+    }
+    const double before = s->spool - s->target, after = edge - s->target;
     if (before * after > 0.0 && fabs(after) < fabs(before) * (1.0 - 1e-9))
       nearest = min(nearest, passes(p, fabs(before), fabs(after)));
   }
@@ -64,7 +80,7 @@ static double next_substep(const Plant *p, const State *s, double left, double l
   longest = max(longest, 1e-9);
   const double pieces = ceil(left / longest - 1e-9);
   const double h = pieces > 1.0 ? left / pieces : left;
-  const double edge = next_edge(p, s);
+  const double edge = next_edge(p, s, h);
   *ends = edge >= h && pieces <= 1.0;
   return edge < h ? edge : h;
 }

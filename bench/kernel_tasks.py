@@ -26,6 +26,7 @@ EXAMPLES = {
     "static_valve_map": {"bend_1": 0.02, "bend_2": -0.01, "tilt_2": 0.01, "range": 0.5},
     "valve_hysteresis": {"half_width": 0.05},
     "valve_lag": {"time": 2e-3},
+    "spool_inertia": {"omega": 700.0},
     "valve_rate_limit": {"rate": 120.0},
     "null_shift": {"voltage": 0.05},
     "valve_deadband": {"half_width": 0.05},
@@ -51,6 +52,9 @@ EXAMPLES = {
 }
 """Values that make each effect work in the command below; the movement is 0.3 rad, 26 rad/s, 3000 rad/s^2."""
 
+NEEDED = {"lugre_friction": "coulomb_friction", "spool_inertia": "valve_lag"}
+"""Effects that act only beside another, and that one."""
+
 STOPS = (-0.08, 0.08)
 NAMES = (*EXAMPLES, "end_stops")
 
@@ -59,8 +63,8 @@ if missing := {name for name, effect in EFFECTS.items() if effect.enters != "rec
 
 
 def plant(*names: str) -> NDArray:
-    """The record of the plant with these effects; LuGre friction brings the level that it needs."""
-    wanted = {*names, "coulomb_friction"} if "lugre_friction" in names else {*names}
+    """The record of the plant with these effects; those that act only beside another bring it."""
+    wanted = {*names, *(NEEDED[name] for name in names if name in NEEDED)}
     low, high = STOPS if "end_stops" in wanted else (-np.inf, np.inf)
     chosen = {name: values for name, values in EXAMPLES.items() if name in wanted}
     return parameters(K_L, OMEGA_N, ZETA, chosen, stop_low=low, stop_high=high)

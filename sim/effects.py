@@ -124,6 +124,14 @@ _ALL = (
         "sensor_lag on a linear plant; for frequencies far below 1 / time a transport_delay.",
     ),
     Effect(
+        "spool_inertia",
+        "valve",
+        "The spool has mass: its lag is of second order, with half of valve_lag.time omega as damping ratio.",
+        (Parameter("omega", "rad/s", INF, 1.0, INF, "undamped natural frequency of the spool"),),
+        "Far above 1 / valve_lag.time nothing; beside valve_rate_limit nothing.",
+        cause=False,
+    ),
+    Effect(
         "valve_rate_limit",
         "valve",
         "The spool goes no faster: its pilot stage gives so much flow, its motor so much current.",
@@ -351,6 +359,9 @@ _ALL = (
 LEAST = {"valve_lag.time": 1e-5, "sensor_lag.time": 1e-5, "backlash.gap": NEAR}
 """What is smaller and not 0 costs the kernel much, for nothing that could be seen."""
 
+LEAST_SPOOL_DAMPING = 0.05
+"""Damping ratio of a spool with inertia, at least: of less what is left of its way never ends."""
+
 STEEPEST = 1e5
 """Greatest level of Stribeck friction over its speed [1/s]."""
 
@@ -406,6 +417,13 @@ def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
         )
     elif bristles > stiffest * level:
         problems.append(f"lugre_friction.stiffness must be at most {stiffest:g} coulomb_friction.level")
+    spool, lag = values.get("spool_inertia.omega", INF), values.get("valve_lag.time", 0.0)
+    if spool < INF and not lag > 0.0:
+        problems.append("spool_inertia needs valve_lag.time > 0, which damps it")
+    elif spool < INF and spool * lag < 2.0 * LEAST_SPOOL_DAMPING:
+        problems.append(
+            f"spool_inertia.omega must be at least {2.0 * LEAST_SPOOL_DAMPING:g} / valve_lag.time"
+        )
     knots = [place for place, value in values.items() if place.startswith("static_valve_map.") and value]
     if knots and "static_valve_map.range" not in values:
         problems.append("static_valve_map needs a range: the command of its last knots")

@@ -19,18 +19,34 @@ if TYPE_CHECKING:
 
     Matrix = npt.NDArray[np.float64]
 
-STATES = ("spool", "pressure", "velocity", "position", "velocity2", "position2", "bristle", "reading")
+STATES = (
+    "spool",
+    "pressure",
+    "velocity",
+    "position",
+    "velocity2",
+    "position2",
+    "bristle",
+    "reading",
+    "spool_speed",
+)
 """All that there can be; names as in `sim.state`, the reading is that behind the sensor's lag."""
 
-SPOOL, PRESSURE, VELOCITY, POSITION, VELOCITY2, POSITION2, BRISTLE, READING = range(len(STATES))
+SPOOL, PRESSURE, VELOCITY, POSITION, VELOCITY2, POSITION2, BRISTLE, READING, SPOOL_SPEED = range(len(STATES))
 
 
 def present(p: Mapping[str, float]) -> list[int]:
     """The states that this plant has."""
     second, bristles = p["load_resonance_inertia"] > 0.0, p["lugre_friction_stiffness"] > 0.0
     lags = p["valve_lag_time"] > 0.0, p["sensor_lag_time"] > 0.0
-    there = (lags[0], True, True, True, second, second, bristles, lags[1])
+    there = (lags[0], True, True, True, second, second, bristles, lags[1], _swings(p))
     return [k for k, is_there in enumerate(there) if is_there]
+
+
+def _swings(p: Mapping[str, float]) -> bool:
+    """Whether the spool has inertia, and no limit of its speed."""
+    inertia = p["valve_lag_time"] > 0.0 and p["spool_inertia_omega"] < math.inf
+    return inertia and not p["valve_rate_limit_rate"] < math.inf
 
 
 def dynamics(c: Conditions, steady: Steady) -> Matrix:
@@ -126,7 +142,11 @@ def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matr
     """Complete A by the lags of spool and sensor; returns B and C."""
     B = np.zeros(len(STATES))
     before, behind = p["valve_lag_time"], p["sensor_lag_time"]
-    if before > 0.0:
+    if _swings(p):
+        square = p["spool_inertia_omega"] ** 2
+        A[SPOOL, SPOOL_SPEED], A[SPOOL_SPEED, SPOOL] = 1.0, -square
+        A[SPOOL_SPEED, SPOOL_SPEED], B[SPOOL_SPEED] = -square * before, square
+    elif before > 0.0:
         A[SPOOL, SPOOL], B[SPOOL] = -1.0 / before, 1.0 / before
     else:
         B[PRESSURE] = A[PRESSURE, SPOOL]

@@ -1,10 +1,11 @@
 """The kernel: the reduced hydraulic plant with all effects, integrated from event to event.
 
 Equations and tolerance are in `docs/model.md`. Between two commands the spool moves as an exact
-ramp or exponential; pressure, load and sensor are integrated by the classic fourth-order Runge-Kutta method
-in substeps of at most `substep`. A substep in which something switches (the load stops, sticks, breaks away,
-meets an end stop or the other flank of the backlash, or the measurement passes the relay's threshold) is
-cut there: the right-hand side is smooth within each piece, so that the order of the method holds.
+ramp, exponential or damped oscillation. Pressure, load and sensor are integrated by the classic fourth-order
+Runge-Kutta method in substeps of at most `substep`. A substep in which something switches (the load stops,
+sticks, breaks away, meets an end stop or the other flank of the backlash, or the measurement passes the
+relay's threshold) is cut there: the right-hand side is smooth within each piece, so that the order of the
+method holds.
 """
 
 from __future__ import annotations
@@ -31,6 +32,15 @@ def command(p: Record, s: Record, volts: float) -> None:
     limit, play = p.valve_saturation_limit, p.valve_hysteresis_half_width
     volts = physics.mapped(p, min(max(volts, -limit), limit))
     s.target = min(max(s.target, volts - play), volts + play)
+
+
+@compiled
+def move_spool(p: Record, s: Record, h: float) -> None:
+    """Bring the spool to where it is `h` [s] from now."""
+    if physics.swings(p):
+        s.spool, s.spool_speed = physics.swung(p, s, h)
+    else:
+        s.spool = physics.spool_at(p, s, h)
 
 
 @compiled
@@ -106,7 +116,7 @@ def _step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, 
 @compiled
 def _accept(p: Record, s: Record, z: tuple[float, ...], h: float) -> None:
     """Make `z`, `h` [s] from now, the state."""
-    s.spool = physics.spool_at(p, s, h)
+    move_spool(p, s, h)
     s.t += h
     s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged = z
     s.followed = physics.followed(p, s, s.position)

@@ -17,6 +17,7 @@ from sim.jacobian import (
     PRESSURE,
     READING,
     SPOOL,
+    SPOOL_SPEED,
     STATES,
     VELOCITY,
     add_lags,
@@ -136,7 +137,7 @@ def _equation_1(p: Mapping[str, float], steady: Steady, A: Matrix, C: Matrix) ->
     """K_L, omega_n and zeta of the plant that is left without lags, delay and integrator."""
     if steady.held:
         return 0.0, math.nan, math.nan
-    core = [k for k in present(p) if k not in {SPOOL, READING}]
+    core = [k for k in present(p) if k not in {SPOOL, SPOOL_SPEED, READING}]
     square, damping, others = _pair(A[np.ix_(core, core)])
     if not square > 0.0:
         return math.nan, math.nan, math.nan

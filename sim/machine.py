@@ -11,6 +11,7 @@ from sim.hydraulics.flow import set_pressure
 from sim.hydraulics.linear import rest_pressures, small_signal
 from sim.hydraulics.record import record_of
 from sim.parameters import plant_parameters
+from sim.physics import spool_forgets
 from sim.runs import follow, sampled_relay
 from sim.state import new_state
 
@@ -75,7 +76,7 @@ class ReducedMachine:
     def settling(self, volts: float) -> float:  # noqa: ARG002 - the linear plant settles alike everywhere
         """By Eq. 1 and the lags [s]."""
         p = self.p[0]
-        lags = float(p["valve_lag_time"]) + float(p["sensor_lag_time"])
+        lags = spool_forgets(p) + float(p["sensor_lag_time"])
         slowest = _slowest(float(p["omega_n"]), float(p["zeta"]))
         return SETTLING * (1.0 / slowest + lags) + float(p["transport_delay_time"])
 

@@ -155,6 +155,8 @@ def fastest_rate(record: npt.NDArray[np.void]) -> float:
         rates.append(0.4 / float(p["sensor_lag_time"]))
     if p["valve_lag_time"] > 0.0:
         rates.append(0.2 / float(p["valve_lag_time"]))
+    if p["spool_inertia_omega"] < math.inf:
+        rates.append(0.3 * float(p["spool_inertia_omega"]))
     if p["stribeck_friction_level"] > 0.0:
         rates.append(float(p["stribeck_friction_level"]) / float(p["stribeck_friction_speed"]))
     if p["lugre_friction_stiffness"] > 0.0:

@@ -65,7 +65,48 @@ def spool_at(p: Record, s: Record, h: float) -> float:
         return s.target - math.copysign(left, s.target - s.spool)
     if lag == 0.0:
         return s.target
+    if p.spool_inertia_omega < math.inf:
+        return swung(p, s, h)[0]
     return s.target + (s.spool - s.target) * math.exp(-h / lag)
+
+
+@compiled
+def swings(p: Record) -> bool:
+    """Whether the spool has a speed of its own: inertia, and no limit of its speed."""
+    limited = p.valve_rate_limit_rate < math.inf
+    return p.spool_inertia_omega < math.inf and p.valve_lag_time > 0.0 and not limited
+
+
+@compiled
+def swung(p: Record, s: Record, h: float) -> tuple[float, float]:
+    """A spool with inertia `h` [s] from now [V], and its speed [V/s].
+
+    From its target it is off by x'' + 2 d x' + omega^2 x = 0.
+    """
+    square = p.spool_inertia_omega * p.spool_inertia_omega
+    d = 0.5 * p.valve_lag_time * square
+    off, speed = s.spool - s.target, s.spool_speed
+    beyond = d * d - square
+    if beyond > 0.0:
+        k = math.sqrt(beyond)
+        slow = math.exp(-h * square / (d + k))
+        fast = math.exp(-h * (d + k))
+        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / k
+    elif beyond < 0.0:
+        k, fading = math.sqrt(-beyond), math.exp(-d * h)
+        even, odd = fading * math.cos(k * h), fading * math.sin(k * h) / k
+    else:
+        even = math.exp(-d * h)
+        odd = even * h
+    push = speed + d * off
+    return s.target + even * off + odd * push, even * speed - odd * (d * speed + square * off)
+
+
+@compiled
+def spool_forgets(p: Record) -> float:
+    """Slowest time constant of the spool [s]."""
+    lag, omega = p.valve_lag_time, p.spool_inertia_omega
+    return max(lag, 2.0 / (omega * omega * lag)) if swings(p) else lag
 
 
 @compiled

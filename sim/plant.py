@@ -13,7 +13,7 @@ import numpy as np
 
 from sim import kernel
 from sim.compiled import Record, compiled
-from sim.physics import spool_moves
+from sim.physics import spool_moves, swings
 from sim.state import STATE, new_state
 
 if TYPE_CHECKING:
@@ -93,6 +93,8 @@ class Plant:
             state["lagged"] = seen
         if old["load_resonance_inertia"] == 0.0:
             state["position2"], state["velocity2"] = state["position"], state["velocity"]
+        if not swings(old):
+            state["spool_speed"] = 0.0
         if old["lugre_friction_stiffness"] == 0.0:
             state["bristle"] = 0.0
         if _clocked(old) != _clocked(new):

@@ -21,6 +21,7 @@ STATE = np.dtype(
             "origin",  # [s] when drift and disturbance began
             "target",  # [V] where the spool is going: the command after saturation and hysteresis
             "spool",  # [V]
+            "spool_speed",  # [V/s] of a spool with inertia
             "pressure",  # [unit/s^2] acceleration of the free load by the load pressure
             "velocity",  # [unit/s]
             "position",  # [unit]
@@ -50,7 +51,7 @@ STATE = np.dtype(
 def rest(p: Record, s: Record, t: float, position: float) -> None:
     """Let the plant stand still at `position` [unit] at `t` [s], valve closed, load in balance."""
     s.t = s.origin = t
-    s.target = s.spool = 0.0
+    s.target = s.spool = s.spool_speed = 0.0
     s.position = s.position2 = position
     s.velocity = s.velocity2 = 0.0
     s.pressure = p.load_bias_acceleration + p.load_spring_stiffness * (position - p.load_spring_centre)

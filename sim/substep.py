@@ -7,6 +7,9 @@ import math
 from sim import physics
 from sim.compiled import Record, compiled
 
+HALVINGS = 43
+"""Of a substep, until a spool's passing of an edge is located to 1e-13 of it."""
+
 
 @compiled
 def longest_substep(p: Record, s: Record, t: float) -> float:
@@ -32,7 +35,7 @@ def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[flo
     longest = max(longest, 1e-9)
     pieces = math.ceil(left / longest - 1e-9)
     h = left / pieces if pieces > 1.0 else left
-    edge = _next_edge(p, s)
+    edge = _next_edge(p, s, h)
     if edge < h:
         return edge, False
     return h, pieces <= 1.0
@@ -66,8 +69,8 @@ def _within_bristles(p: Record, s: Record, longest: float) -> float:
 
 
 @compiled
-def _next_edge(p: Record, s: Record) -> float:
-    """When the spool next has a kink in its flow or its way [s]; inf: never.
+def _next_edge(p: Record, s: Record, h: float) -> float:
+    """When the spool next has a kink in its flow or its way [s]; inf: never, or not within `h` [s].
 
     At an edge of its overlap, and where it no longer goes as fast as it can.
     """
@@ -80,10 +83,29 @@ def _next_edge(p: Record, s: Record) -> float:
             nearest = ramp
     for side in (-1.0, 1.0):
         edge = p.null_shift_voltage + side * p.valve_deadband_half_width
+        if physics.swings(p):
+            nearest = min(nearest, _swings_past(p, s, edge, h))
+            continue
         before, after = s.spool - s.target, edge - s.target
         if before * after > 0.0 and abs(after) < abs(before) * (1.0 - 1e-9):
             nearest = min(nearest, _passes(p, abs(before), abs(after)))
     return nearest
+
+
+@compiled
+def _swings_past(p: Record, s: Record, edge: float, h: float) -> float:
+    """When a spool with inertia has just passed `edge` [V]; inf: not within `h` [s]."""
+    before = s.spool - edge
+    if before * (physics.swung(p, s, h)[0] - edge) >= 0.0:
+        return math.inf
+    low, high = 0.0, h
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if before * (physics.swung(p, s, middle)[0] - edge) < 0.0:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 @compiled

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from sim.compiled import Record, compiled, inlined
-from sim.kernel import advance, command, measured
-from sim.physics import dry_friction, encoded, friction_level, spool_at
+from sim.kernel import advance, command, measured, move_spool
+from sim.physics import dry_friction, encoded, friction_level, spool_forgets
 from sim.runs import condition
 
 Array = np.ndarray
@@ -106,21 +106,21 @@ def _forgotten(p: Record, t_u: Array, reached: int, t: float) -> int:
     """
     if p.valve_hysteresis_half_width > 0.0 or p.valve_rate_limit_rate < math.inf:
         return reached
-    since = t - p.transport_delay_time - MEMORY * p.valve_lag_time
+    since = t - p.transport_delay_time - MEMORY * spool_forgets(p)
     return max(reached, np.searchsorted(t_u, since, "right") - 1)
 
 
 @compiled
 def _spool(p: Record, v: Record, t: float) -> None:
     if t > v.t:
-        v.spool = spool_at(p, v, t - v.t)
+        move_spool(p, v, t - v.t)
         v.t = t
 
 
 @compiled
 def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
     """A window's first state."""
-    s.t, s.target, s.spool = v.t, v.target, v.spool
+    s.t, s.target, s.spool, s.spool_speed = v.t, v.target, v.spool, v.spool_speed
     s.pressure, s.velocity, s.position = start[0], start[1], start[2]
     s.velocity2, s.position2 = s.velocity + start[3], s.position + start[4]
     s.motion = -1.0 if s.velocity < 0.0 else 1.0

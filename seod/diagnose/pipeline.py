@@ -114,6 +114,7 @@ def _diagnose(
     rows = sum(len(each.t) for each in recordings)
     budget = Budget.of(rows, asked.effort)
     rig = rated(asked.config, asked.axis)
+    nominal = nominal_conditions(recordings) | rig.conditions
     checked = [examine(each) for each in (*recordings, *holdout)]
     every = [
         series(
@@ -124,9 +125,9 @@ def _diagnose(
             late=defects.late,
             taken=defects.taken,
             hold=asked.hold,
-            nominal_ps=rig.conditions.get("nominal_ps"),
-            nominal_temperature=rig.conditions.get("nominal_temperature"),
-            nominal_f=_mean_force(recordings),
+            nominal_ps=nominal.get("nominal_ps"),
+            nominal_temperature=nominal.get("nominal_temperature"),
+            nominal_f=nominal.get("nominal_f"),
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
@@ -151,10 +152,20 @@ def _diagnose(
     return answer
 
 
-def _mean_force(recordings: Sequence[Recording]) -> float | None:
-    """Of a measured disturbance over all recordings that are fitted; what is above it acts."""
-    means = [float(np.nanmean(each.f)) for each in recordings if each.f is not None]
-    return float(np.mean(means)) if means else None
+def nominal_conditions(recordings: Sequence[Recording]) -> dict[str, float]:
+    """Supply pressure, temperature and measured disturbance at which the model's numbers hold.
+
+    They are those of the recordings that are fitted, all together: recordings at other pressures, also those
+    that only score, then differ by what the pressure does.
+    """
+    channels = {
+        "nominal_ps": [float(np.nanmedian(each.ps)) for each in recordings if each.ps is not None],
+        "nominal_temperature": [
+            float(np.nanmean(each.temperature)) for each in recordings if each.temperature is not None
+        ],
+        "nominal_f": [float(np.nanmean(each.f)) for each in recordings if each.f is not None],
+    }
+    return {name: float(np.mean(middles)) for name, middles in channels.items() if middles}
 
 
 def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, ClosedForm, list[str]]:

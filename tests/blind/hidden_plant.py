@@ -14,7 +14,7 @@ import numpy as np
 from hidden_relay import relay
 from numba import njit
 
-SPOOL, PRESSURE, SPEED, ANGLE, SPEED2, ANGLE2, BRISTLE, LAGGED = range(8)
+SPOOL, PRESSURE, SPEED, ANGLE, SPEED2, ANGLE2, BRISTLE, LAGGED, SPOOL_SPEED = range(9)
 
 SETTLES = 0.5
 """Step over the time constant in which bristles bend as far as they do at a speed, at most."""
@@ -31,6 +31,7 @@ DEFAULTS = {
     "stamped": 0.0,  # 1: a command is worth what a list of volts says
     "play": 0.0,
     "spool_lag": 0.0,
+    "spool_omega": 0.0,  # [rad/s] of a spool with mass; 0: it has none
     "slew": math.inf,  # of the spool [V/s]
     "null": 0.0,
     "overlap": 0.0,
@@ -194,7 +195,10 @@ def friction(p, m, w, d):
 @njit(cache=True, error_model="numpy")
 def slope(p, m, t, w, supply, gust, d):
     d[:] = 0.0
-    if p.spool_lag > 0.0:
+    if p.spool_omega > 0.0 and math.isinf(p.slew):
+        push = m.played - w[SPOOL] - p.spool_lag * w[SPOOL_SPEED]
+        d[SPOOL], d[SPOOL_SPEED] = w[SPOOL_SPEED], p.spool_omega**2 * push
+    elif p.spool_lag > 0.0:
         d[SPOOL] = clip((m.played - w[SPOOL]) / p.spool_lag, -p.slew, p.slew)
     d[PRESSURE] = oil_slope(p, t, w, supply)
     if m.stuck == 0.0:
@@ -314,7 +318,7 @@ def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest,
 
     Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
-    k4, memory, given, looked = np.zeros((4, 8)), np.zeros(8), 0, -1.0
+    k4, memory, given, looked = np.zeros((4, 9)), np.zeros(8), 0, -1.0
     for k in range(len(t)):
         look = seen_at[k]
         if p.keeps > 0.0:

@@ -21,6 +21,7 @@ VALVE = {
     "valve_saturation": {"limit": "limit"},
     "valve_hysteresis": {"half_width": "play"},
     "valve_lag": {"time": "spool_lag"},
+    "spool_inertia": {"omega": "spool_omega"},
     "valve_rate_limit": {"rate": "slew"},
     "null_shift": {"voltage": "null"},
     "valve_deadband": {"half_width": "overlap"},
@@ -176,7 +177,7 @@ class Drive:
 
 def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, latency=0.0, seen_at=None):
     """Readings and commands, each of shape (n,); `seen_at`: when the samples are really taken."""
-    p, m, w = rig.physical(), np.zeros(1, MODES), np.zeros(8)
+    p, m, w = rig.physical(), np.zeros(1, MODES), np.zeros(9)
     n, s = len(t), p[0]
     noise = np.zeros(n) if noise is None else noise
     supply = np.ones(n) if supply is None else supply

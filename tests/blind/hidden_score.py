@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hidden_strength import BRISTLES
+from hidden_strength import BRISTLES, NAMED
 
 OUTCOMES = ("exact", "within", "wrong")
 FRICTIONS = {"coulomb_friction", "stribeck_friction"}
@@ -17,8 +17,8 @@ FROM_OUTSIDE = {"gusts"}
 
 
 def expected(causes) -> set[str]:
-    """As a diagnosis has to name them: bristles count as the dry friction."""
-    return {"coulomb_friction" if cause == BRISTLES else cause for cause in causes}
+    """As a diagnosis has to name them: bristles count as the dry friction, a heavy spool as its lag."""
+    return {NAMED.get(cause, cause) for cause in causes}
 
 
 def outcome(kind: str, causes, told: dict[str, Any]) -> str:

@@ -22,6 +22,10 @@ ELSEWHERE = ("rectified_sensor", "held_readings", "measured_disturbance")
 DEFECTS = ("outliers", "missing_samples", "timing_jitter")
 BRISTLES = "lugre_friction"
 """Truth behind a Coulomb friction: bristles that give way."""
+SPOOL = "spool_inertia"
+"""Truth behind a valve's lag: a spool of second order."""
+NAMED = {BRISTLES: "coulomb_friction", SPOOL: "valve_lag"}
+"""What a diagnosis names in their place."""
 UNLISTED = OFF_LIST
 
 
@@ -118,4 +122,7 @@ def effects_of(cause: str, s: float, d: dict[str, float], z: Sizes, omega_n: flo
         stiff = f / (0.005 * z.speed / omega_n)
         bristles = {"stiffness": stiff, "damping": 0.5 * math.sqrt(stiff)}
         return {"coulomb_friction": {"level": f}, "lugre_friction": bristles}
+    if cause == SPOOL:
+        time = simple["valve_lag"]["time"]
+        return {"valve_lag": {"time": time}, "spool_inertia": {"omega": 1.6 / time}}
     return {cause: simple[cause]}

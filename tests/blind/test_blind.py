@@ -38,6 +38,8 @@ SINGLE = [
     ("lugre_friction", "steps", False),
     ("lugre_friction", "two-phase", True),
     ("backlash", "relay", True),
+    ("spool_inertia", "multisine", False),
+    ("spool_inertia", "steps", True),
     ("valve_rate_limit", "multisine", False),
     ("valve_rate_limit", "relay", True),
 ]
@@ -112,6 +114,7 @@ def effect(name, *others, value=1.0, ci95=(0.5, 1.5), of="level"):
         ("one", ("backlash",), "effects", [effect("valve_lag", "backlash")], "within"),
         ("one", ("backlash",), "effects", [effect("valve_lag")], "wrong"),
         ("one", ("backlash",), "effects", [effect("backlash"), effect("valve_lag")], "wrong"),
+        ("one", ("spool_inertia",), "effects", [effect("valve_lag")], "exact"),
         ("one", ("lugre_friction",), "effects", [effect("coulomb_friction")], "exact"),
         ("one", ("lugre_friction",), "unexplained", [effect("coulomb_friction")], "exact"),
         ("two", ("a", "b"), "effects", [effect("c", "a", "b"), effect("d", "a")], "wrong"),

@@ -27,6 +27,7 @@ EFFECTS_ON = {
     },
     "valve_hysteresis": {"half_width": 0.1},
     "valve_lag": {"time": 2e-3},
+    "spool_inertia": {"omega": 700.0},
     "valve_rate_limit": {"rate": 120.0},
     "null_shift": {"voltage": 0.1},
     "valve_deadband": {"half_width": 0.12},
@@ -63,11 +64,12 @@ EFFECTS_ON = {
     },
 }
 STOPS = (-0.05, 0.08)
+NEEDED = {"lugre_friction": "coulomb_friction", "spool_inertia": "valve_lag"}
 
 
 def chosen(*names: str) -> dict[str, dict[str, float]]:
-    """Effects by name; `end_stops` are none, bristles need a friction level."""
-    wanted = [*names, "coulomb_friction"] if "lugre_friction" in names else names
+    """Effects by name; `end_stops` are none, what acts only beside another brings that."""
+    wanted = [*names, *(NEEDED[name] for name in names if name in NEEDED)]
     return {name: EFFECTS_ON[name] for name in EFFECTS_ON if name in wanted}
 
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from sim.effects import EFFECTS
 
-SPOOL, ACCELERATION, SPEED, PLACE, SPEED2, PLACE2, BRISTLE, LAGGED = range(8)
+SPOOL, ACCELERATION, SPEED, PLACE, SPEED2, PLACE2, BRISTLE, LAGGED, SPOOL_SPEED = range(9)
 SOFT = 0.01  # epsilon of the orifice
 
 

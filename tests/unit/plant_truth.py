@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from plant_laws import ACCELERATION, BRISTLE, LAGGED, PLACE, PLACE2, SPEED, SPEED2, SPOOL, Laws
+from plant_laws import ACCELERATION, BRISTLE, LAGGED, PLACE, PLACE2, SPEED, SPEED2, SPOOL, SPOOL_SPEED, Laws
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 RTOL = 1e-10
@@ -34,6 +35,9 @@ class Plant(Laws):
         self.t, self.stops, self.sees_speed = t, stops, sees_speed
         self.played = 0.0  # the command behind saturation and hysteresis
         self.fastest = self.of("valve_rate_limit", "rate")
+        lag, omega = self.of("valve_lag", "time"), self.of("spool_inertia", "omega")
+        swings = lag > 0.0 and math.isinf(self.fastest) and math.isfinite(omega)
+        self.spool_matrix = np.array([[0.0, 1.0], [-(omega**2), -lag * omega**2]]) if swings else None
         self.ramping = 0  # where to the spool goes as fast as it can
         self.behind = position  # behind the backlash, while its gap is open
         self.contact = self.at_stop = 0
@@ -43,7 +47,7 @@ class Plant(Laws):
         self.dry = level > 0.0 and not self.bristles
         self.breakaway = 0.0 if self.bristles else level
         self.slides = 0
-        self.w = np.zeros(8)
+        self.w = np.zeros(9)
         self.w[[PLACE, PLACE2]] = position
         self.w[ACCELERATION] = self.spring(position)
         self.w[LAGGED] = 0.0 if sees_speed else self.encoder(position)
@@ -78,11 +82,14 @@ class Plant(Laws):
         stiffness = (1.0 + air) / (1.0 + air / self.supply**2)
 
         def f(t, w):
-            d = np.zeros(8)
+            d = np.zeros(9)
             gain, omega, zeta = self.drifted(t)
             v, a = w[SPEED], w[ACCELERATION]
             q = self.flow(gain, self.opening(w[SPOOL], side), side, a)
             d[SPOOL] = (self.played - w[SPOOL]) / lag if lag else 0.0
+            if self.spool_matrix is not None:
+                off = np.array([w[SPOOL] - self.played, w[SPOOL_SPEED]])
+                d[[SPOOL, SPOOL_SPEED]] = self.spool_matrix @ off
             if self.ramping:
                 d[SPOOL] = self.ramping * self.fastest
             d[ACCELERATION] = stiffness * (omega**2 * (q - v) - 2.0 * zeta * omega * a)
@@ -174,6 +181,9 @@ class Plant(Laws):
         return beyond / self.fastest if beyond > 1e-12 else 0.0
 
     def spool_after(self, dt):
+        if self.spool_matrix is not None:
+            off = np.array([self.w[SPOOL] - self.played, self.w[SPOOL_SPEED]])
+            return self.played + (expm(self.spool_matrix * dt) @ off)[0]
         lag, ramp, here = self.of("valve_lag", "time"), self.ramp_s(), self.w[SPOOL]
         way = np.sign(self.played - here)
         there = here + way * self.fastest * min(dt, ramp) if ramp else here
@@ -225,7 +235,7 @@ class Plant(Laws):
         for event, (_, direction, _) in zip(events, ways, strict=True):
             event.terminal, event.direction = True, direction
         speed, place = self.K_L, self.K_L / self.omega_n
-        scale = np.array([1.0, speed * self.omega_n, speed, place, speed, place, place, place])
+        scale = np.array([1.0, speed * self.omega_n, speed, place, speed, place, place, place, self.omega_n])
         run = solve_ivp(
             self.slope(side), (self.t, t_end), self.w, method="DOP853", rtol=RTOL, atol=1e-12 * scale,
             events=events, dense_output=True, max_step=0.2 / self.omega_n,

@@ -39,7 +39,7 @@ CONDITIONS = [
         0.01, 1e-3, 0.1, 0.0, 1e-3, 1e-4, 3.0, 600.0, 0.01, step=1e-5, warmer=True, pressed=True, force=1e-3
     ),
 ]
-SEARCHED = ("lugre_friction", *searched_causes(SIZES))
+SEARCHED = ("lugre_friction", "spool_inertia", *searched_causes(SIZES))
 
 
 def strings(source: str) -> list[str]:
@@ -186,6 +186,8 @@ def test_a_sentence_tells_its_figure():
     assert sentence("lugre_friction", effects).startswith("The friction gives way by 0.002 ")
     curve = {f"order_{n}": 0.0 for n in range(3, 7)} | {"order_2": 0.02, "order_4": 0.01}
     effects["sensor_nonlinearity"] = curve | {"centre": 0.0, "half": 1.0}
+    effects |= {"valve_lag": {"time": 4e-3}, "spool_inertia": {"omega": 400.0}}
+    assert "a damping ratio of 0.8." in sentence("spool_inertia", effects)
     assert "a curve over the position, 0.03 (unit of position) off a straight line" in sentence(
         "sensor_nonlinearity", effects
     )

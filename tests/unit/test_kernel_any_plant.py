@@ -37,7 +37,8 @@ def values_of(effect):
     return st.fixed_dictionaries({each.name: number(each) for each in effect.parameters})
 
 
-ACT_ON_THE_PLANT = [e for e in EFFECTS.values() if e.enters != "record" and e.name != "lugre_friction"]
+BESIDE = {"lugre_friction", "spool_inertia"}
+ACT_ON_THE_PLANT = [e for e in EFFECTS.values() if e.enters != "record" and e.name not in BESIDE]
 
 
 @st.composite
@@ -52,6 +53,9 @@ def plants(draw):
             "stiffness": min(draw(st.floats(1e3, 1e5)), stiffest),
             "damping": draw(st.floats(0.0, 500.0)),
         }
+    lag = effects.get("valve_lag", {}).get("time", 0.0)
+    if lag > 0.0 and draw(st.booleans()):
+        effects["spool_inertia"] = {"omega": max(1.0, draw(st.floats(0.1, 10.0)) / lag)}
     low, high = draw(st.sampled_from([(-math.inf, math.inf), (-0.05, 0.05), (0.0, 0.3)]))
     return parameters(
         draw(st.floats(0.01, 100.0)),

@@ -28,6 +28,8 @@ def at(accuracy, names, sees_speed=False, plant=(17.0, 117.0, 0.21)):
         ("load_resonance",),
         ("valve_lag", "valve_deadband"),
         ("valve_lag", "asymmetric_gain"),
+        ("spool_inertia", "valve_deadband"),
+        ("spool_inertia", "asymmetric_gain"),
         ("valve_rate_limit", "valve_deadband"),
         ("valve_rate_limit", "valve_lag", "asymmetric_gain"),
         ("coulomb_friction",),

@@ -10,6 +10,7 @@ import pytest
 from kernel_cases import (
     EFFECTS_ON,
     K_L,
+    NEEDED,
     OMEGA_N,
     STOPS,
     ZETA,
@@ -52,7 +53,7 @@ GONE = {
 """Where the effect goes with something large; all others go with small numbers."""
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS_ON if n not in {"load_resonance", "lugre_friction"}])
+@pytest.mark.parametrize("name", [n for n in EFFECTS_ON if n not in {"load_resonance", *NEEDED}])
 def test_an_effect_goes_with_its_parameters(name):
     small = {key: 0.01 * value for key, value in EFFECTS_ON[name].items()}
     kept = {
@@ -169,8 +170,23 @@ def test_a_linear_plant_is_linear():
             {"load_resonance": {"inertia": 0.3, "omega": 2e4, "zeta": 0.5}},
             {},
         ),
+        (
+            {"valve_lag": {"time": 2e-3}, "spool_inertia": {"omega": 1e6}},
+            {"valve_lag": {"time": 2e-3}},
+        ),
+        (
+            {"valve_lag": {"time": 4e-3}, "spool_inertia": {"omega": 500.0}},
+            {"valve_lag": {"time": 2e-3}, "sensor_lag": {"time": 2e-3}},
+        ),
     ],
-    ids=["lags commute", "null shift is a bias", "air at nominal pressure", "a stiff shaft"],
+    ids=[
+        "lags commute",
+        "null shift is a bias",
+        "air at nominal pressure",
+        "a stiff shaft",
+        "a light spool",
+        "two lags are a spool",
+    ],
 )
 def test_the_table_of_effects_tells_what_is_equivalent(one, other):
     assert apart(of(one), of(other)) < 1e-5
@@ -236,6 +252,11 @@ def test_without_supply_pressure_it_still_is_a_plant(supply):
     [
         ({"valve_lag": {"time": 1e-7}}, "valve_lag.time must be 0 or at least 1e-05"),
         ({"backlash": {"gap": 1e-18}}, "backlash.gap must be 0 or at least 1e-15"),
+        ({"spool_inertia": {"omega": 700.0}}, "needs valve_lag.time > 0"),
+        (
+            {"valve_lag": {"time": 1e-4}, "spool_inertia": {"omega": 900.0}},
+            "spool_inertia.omega must be at least 0.1 / valve_lag.time",
+        ),
         ({"lugre_friction": {"stiffness": 1e5}}, "needs coulomb_friction.level > 0"),
         (
             {"coulomb_friction": {"level": 1e-3}, "lugre_friction": {"stiffness": 1e8}},

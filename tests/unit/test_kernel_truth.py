@@ -47,6 +47,9 @@ SEEN_OTHERWISE = [
 
 PAIRS = [
     ("valve_lag", "valve_deadband"),
+    ("spool_inertia", "valve_deadband"),
+    ("spool_inertia", "asymmetric_gain"),
+    ("spool_inertia", "valve_rate_limit"),
     ("valve_rate_limit", "valve_deadband"),
     ("valve_rate_limit", "valve_lag"),
     ("valve_rate_limit", "asymmetric_gain"),

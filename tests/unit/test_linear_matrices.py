@@ -31,6 +31,7 @@ RANGES = {
     },
     "valve_hysteresis": {"half_width": (0.0, 0.2)},
     "valve_lag": {"time": (1e-4, 0.01)},
+    "spool_inertia": {"omega": (2e3, 1e4)},
     "null_shift": {"voltage": (-0.5, 0.5)},
     "valve_deadband": {"half_width": (0.0, 0.2)},
     "asymmetric_gain": {"ratio": (-0.5, 0.5)},
@@ -53,13 +54,13 @@ RANGES = {
     "parameter_drift": {"K_L": (-0.1, 0.1), "omega_n_thermal": (-0.01, 0.01), "zeta": (-0.1, 0.1)},
 }
 LUGRE = "lugre_friction"
+NEEDED = {LUGRE: "coulomb_friction", "spool_inertia": "valve_lag"}
 
 
 @st.composite
 def effects_of(draw: st.DrawFn, names: tuple[str, ...] = tuple(RANGES)) -> Effects:
     chosen = draw(st.sets(st.sampled_from(names)))
-    if LUGRE in chosen:
-        chosen.add("coulomb_friction")
+    chosen.update(NEEDED[name] for name in sorted(chosen) if name in NEEDED)
     drawn = {
         name: {of: draw(st.floats(*limits)) for of, limits in RANGES[name].items()} for name in sorted(chosen)
     }

@@ -54,6 +54,8 @@ CASES = {
     "static_valve_map of a speed": Case({"static_valve_map": VALVE_MAP}, MOVING),
     "valve_hysteresis": Case({"valve_hysteresis": {"half_width": 0.1}}, MOVING, amplitude=2e-4, ramp=0.1),
     "valve_lag": Case({"valve_lag": {"time": 4e-3}}),
+    "spool_inertia": Case({"valve_lag": {"time": 4e-3}, "spool_inertia": {"omega": 300.0}}),
+    "spool_inertia that swings": Case({"valve_lag": {"time": 2e-3}, "spool_inertia": {"omega": 400.0}}),
     "null_shift": Case({"null_shift": {"voltage": 0.3}}, {"volts": 0.3}),
     "valve_deadband": Case({"valve_deadband": {"half_width": 0.2}}, {"volts": -0.3}),
     "asymmetric_gain": Case({"asymmetric_gain": {"ratio": 0.2}}, MOVING),

@@ -111,6 +111,7 @@ def test_changed_parameters_count_from_their_time_on_and_the_movement_goes_on() 
         {"backlash": {"gap": 0.02}},
         {"load_resonance": {"inertia": 0.5, "omega": 300.0}},
         {"coulomb_friction": {"level": 50.0}, "lugre_friction": {"stiffness": 1e5}},
+        {"valve_lag": {"time": 5e-3}, "spool_inertia": {"omega": 300.0}},
         {"parameter_drift": {"K_L": 0.5}},
         {"periodic_disturbance": {"amplitude": 100.0}},
     ],

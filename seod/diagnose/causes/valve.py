@@ -11,6 +11,7 @@ from seod.diagnose.causes.record import (
     Cause,
     Grid,
     Hidden,
+    Plain,
     linear,
     no_coordinates,
     not_searched,
@@ -44,6 +45,12 @@ SHORTEST_LAG_TICKS: Final = 0.1
 """Over the sampling interval, at least: a shorter lag does not show in samples, and takes many substeps."""
 SHORTEST_LAG_S: Final = 1e-5
 """Of a lag, at least [s]: the simulated plant's own limit."""
+LEAST_SPOOL_DAMPING: Final = 0.3
+"""Damping ratio of a spool with inertia, at least: a valve's own controller sees to it; chosen."""
+CRITICAL: Final = 1.0
+"""Damping ratio with which a search begins: of two lags in a row, from which either way is open."""
+LIGHTEST_SPOOL_TICKS: Final = 2.0
+"""Natural frequency of such a spool times the sampling interval, at most: no samples show a quicker one."""
 RAMPS: Final = (0.3, 1.0, 3.0)
 """Starts of a valve of limited speed: radians of the plant for its way from one end to the other; chosen."""
 LONGEST_RAMP: Final = 100.0
@@ -126,6 +133,21 @@ def ramping(s: Scales, radians: float) -> float:
     return 2.0 * s.volts * s.omega_n / radians
 
 
+def _spool_omega(time: float, damping: float) -> float:
+    """Natural frequency [rad/s] of a spool with inertia, from its lag [s] and its damping ratio."""
+    return 2.0 * damping / time
+
+
+def _damped(effects: Effects, _: Scales) -> None:
+    """A spool with inertia hardly swings."""
+    spool = effects["spool_inertia"]
+    spool["omega"] = max(spool["omega"], _spool_omega(effects["valve_lag"]["time"], LEAST_SPOOL_DAMPING))
+
+
+def _spool_damping(effects: Effects) -> float:
+    return 0.5 * effects["valve_lag"]["time"] * effects["spool_inertia"]["omega"]
+
+
 def _shown(place: str, part: float) -> Callable[[float], Values]:
     return lambda volts: {place: part * volts}
 
@@ -176,6 +198,21 @@ VALVE_LAG: Final = Cause(
     alike=same_time("valve_lag", "sensor_lag", "transport_delay"),
     delays=True,
 )
+SPOOL_INERTIA: Final = Cause(
+    name="spool_inertia",
+    says="The spool's lag is of second order, with a damping ratio of {figure}.",
+    coordinates=lambda s: (
+        sized("omega", _spool_omega(longest(s), LEAST_SPOOL_DAMPING), LIGHTEST_SPOOL_TICKS / s.tick_s),
+    ),
+    starts=lambda s: tuple((_spool_omega(time, CRITICAL),) for (time,) in lag_starts(0.5)(s)),
+    within=_damped,
+    plain=Plain(
+        "valve_lag",
+        becomes=None,
+        grows=lambda v, _: {"spool_inertia.omega": _spool_omega(v["valve_lag.time"], CRITICAL)},
+    ),
+    figure=_spool_damping,
+)
 VALVE_RATE_LIMIT: Final = Cause(
     name="valve_rate_limit",
     says="The valve's spool goes no faster: its pilot stage, or the current of its motor, is at its end.",
@@ -209,6 +246,7 @@ VALVE: Final = (
     STATIC_VALVE_MAP,
     VALVE_HYSTERESIS,
     VALVE_LAG,
+    SPOOL_INERTIA,
     VALVE_RATE_LIMIT,
     NULL_SHIFT,
     VALVE_DEADBAND,

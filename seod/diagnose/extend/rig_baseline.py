@@ -27,7 +27,7 @@ class Rated(NamedTuple):
 
     effects: Mapping[str, Mapping[str, float]]
     K_L: float | None
-    conditions: Mapping[str, float | None]
+    conditions: dict[str, float]
 
 
 def rated(config: RigConfig | None, axis: str | None) -> Rated:
@@ -48,8 +48,6 @@ def rated(config: RigConfig | None, axis: str | None) -> Rated:
     lasting = {of: values for of, values in effects.items() if EFFECTS[of].enters != "record"}
     own = Model(plant.K_L, plant.omega_n, plant.zeta, lasting)
     seen = own.in_units_of(1.0 / view.slope, 1.0 / view.per_volt)
-    conditions = {
-        "nominal_ps": plant.nominal_pressure,
-        "nominal_temperature": plant.nominal_temperature,
-    }
+    told = {"nominal_ps": plant.nominal_pressure, "nominal_temperature": plant.nominal_temperature}
+    conditions = {name: value for name, value in told.items() if value is not None}
     return Rated(seen.effects, seen.K_L, conditions)

@@ -12,6 +12,8 @@ from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY, inside
 from seod.diagnose.tuning.starts import SIZES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
@@ -39,13 +41,19 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         middle=0.5 * float(np.min(places) + np.max(places)),
         sees_speed=fitted.model.sees_speed,
         step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
-        warmer=any(len(one.warmth) > 0 and float(np.ptp(one.warmth)) > 0.5 for one in used),
+        warmer=_range([one.warmth for one in used]) > 0.5,
         relayed=all(one.relayed for one in used),
         levels=max(len(np.unique(one.u)) for one in used),
         two_commands=all(len(np.unique(one.u)) <= 2 for one in used),
-        pressed=any(len(one.supply) > 0 and float(np.ptp(one.supply)) > 0.02 for one in used),
+        pressed=_range([one.supply for one in used]) > 0.02,
         force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
     )
+
+
+def _range(channels: Sequence[Array]) -> float:
+    """From the least to the largest of a channel in all recordings; 0 where nobody tells it."""
+    every = np.concatenate(channels)
+    return float(np.ptp(every)) if len(every) else 0.0
 
 
 def _places(recording: Series) -> Array:
