@@ -141,6 +141,7 @@ $(RUNS): requirements-run.lock pyproject.toml
 		test "$$(id -u)" = 0 || { echo "seod needs Python's venv module: sudo apt-get install $$package"; exit 1; }; \
 		apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$package; }
 	$(PYTHON) -m venv .venv
+	@echo "installing what seod needs into .venv: a minute or two"
 	$(PIP) install -r requirements-run.lock
 	$(PIP) install --no-deps -e .
 	@touch $@

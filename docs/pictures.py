@@ -29,7 +29,7 @@ def live_table(folder: Path) -> None:
     rig = own_rig(seod.RigFile.shipped(), folder)
     with Daemon(rig, folder / "log") as daemon, daemon.client() as client:
         start_and_wait(client, None, 30.0)
-        time.sleep(1.0)
+        time.sleep(3.0)  # two messages about the loop's health: its rate is known
         status = client.status()
         status["rig"] = "virtual-motor"
         console = Console(record=True, width=86, file=(folder / "out").open("w"))

@@ -59,10 +59,11 @@ def cache_folder() -> Path | None:
 
 
 def _fingerprint() -> str:
-    """Of the sources that the machine code is made of."""
-    digest = hashlib.sha256(f"{version('numba')} {sys.implementation.cache_tag}".encode())
+    """Of the sources that the machine code is made of, and of their folder: numba shares none between two."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256(f"{version('numba')} {sys.implementation.cache_tag} {here}".encode())
     for name in SOURCES:
-        digest.update((Path(__file__).parent / name).read_bytes())
+        digest.update((here / name).read_bytes())
     return digest.hexdigest()[:16]
 
 

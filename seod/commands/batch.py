@@ -39,7 +39,7 @@ def batch(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILES...", help="Recordings, each asked by itself, or folders. For simulate: rig files."
+            metavar="FILES", help="Recordings, each asked by itself, or folders. For simulate: rig files."
         ),
     ],
     scheduler: Annotated[

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from seod.client import ClientError
-from seod.commands.examples import epilog, panel
+from seod.commands.examples import epilog, panel, place
 from seod.commands.quantity import Gain as GainType
 from seod.commands.quantity import seconds
 from seod.config.errors import ConfigErrors
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _Function = TypeVar("_Function", bound="Callable[..., Any]")
 
 
-_PLAIN: dict[Any, str] = {int: "NUMBER", float: "NUMBER", str: "NAME", Path: "FILE"}
+_PLAIN: dict[Any, str] = {int: "NUMBER", float: "NUMBER", str: "NAME", list[str]: "NAME", Path: "FILE"}
 """What stands for a value in the help, by its type."""
 
 
@@ -59,9 +59,13 @@ class FiniteCommand(TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         name = _words(ctx)
-        for each in self.params:
+        for each in self.get_params(ctx):
             if each.metavar is None:
                 each.metavar = _PLAIN.get(getattr(getattr(each, "type_descriptor", None), "annotation", None))
+            if isinstance(each, TyperArgument):
+                each.display_type = lambda ctx: ""  # type: ignore[method-assign] # noqa: ARG005 - its name says it
+            elif sys.stdout.isatty() and getattr(each, "is_flag", False):
+                each.metavar = ""  # it takes no value
         self.epilog = epilog(name)
         if not sys.stdout.isatty():
             super().format_help(ctx, formatter)
@@ -115,6 +119,10 @@ def _end_as_by_a_closed_pipe() -> None:
 class Group(TyperGroup):
     """All commands: help in colour on a terminal, plain errors everywhere, a quiet end under `| head`."""
 
+    def list_commands(self, ctx: Any) -> list[str]:
+        """As they are learnt."""
+        return sorted(super().list_commands(ctx), key=place)
+
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
         """Read the command line; `--help` and `--version` print here."""
         with ends_with_its_reader():
@@ -155,12 +163,13 @@ app = App(
 def names() -> list[str]:
     """All commands, those of a group after its name: `archive query`."""
     groups = [("", app), *((f"{group.name} ", group.typer_instance) for group in app.registered_groups)]
-    return [
+    every = [
         before + (each.name or getattr(each.callback, "__name__", "").rstrip("_"))
         for before, group in groups
         if group is not None
         for each in group.registered_commands
     ]
+    return sorted(every, key=place)
 
 
 ConfigPath = Annotated[Path, typer.Argument(metavar="CONFIG", help="Rig file.", show_default=False)]

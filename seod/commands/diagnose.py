@@ -15,7 +15,7 @@ from seod.commands.quantity import seconds
 @app.command()
 def diagnose(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="DATA...", help="Recordings; several are fitted jointly.")
+        list[Path], typer.Argument(metavar="DATA", help="Recordings; several are fitted jointly.")
     ],
     holdout: Annotated[
         list[Path] | None,

@@ -1,19 +1,19 @@
-"""An example or two of each command, shown by its `--help`; a test holds them against the commands."""
+"""An example or two of each command, shown by its `--help`, in the order in which commands are listed."""
 
 from __future__ import annotations
 
 from typing import Final
 
 EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
+    "init": (
+        "seod init --virtual --out rig.yaml",
+        "seod init --dbc motor.dbc --interface can0 --listen --out rig.yaml",
+    ),
     "run": ("seod run configs/virtual.yaml --start --watch", "seod run rig.yaml --record run.mcap --for 60"),
     "rig": ("seod rig configs/can.yaml", "seod rig configs/serial.yaml --for 30"),
     "neutral": ("seod neutral rig.yaml",),
     "check": ("seod check rig.yaml",),
     "upgrade": ("seod upgrade rig.yaml",),
-    "init": (
-        "seod init --virtual --out rig.yaml",
-        "seod init --dbc motor.dbc --interface can0 --listen --out rig.yaml",
-    ),
     "latency": ("seod latency --for 10", "seod latency --json"),
     "calibrate": ("seod calibrate rig.yaml --dry-run", "seod calibrate rig.yaml --axis motor --pressures 3"),
     "status": ("seod status", "SEOD_HOST=rig7 SEOD_TOKEN=... seod status --json"),
@@ -117,6 +117,12 @@ PANELS: Final[dict[str, tuple[str, ...]]] = {
     ),
 }
 """Groups of options, in the order in which `--help` shows them."""
+
+
+def place(command: str) -> int:
+    """Where a command, or a group of some, stands in lists: in the order of `EXAMPLES`."""
+    known = [k for k, name in enumerate(EXAMPLES) if name == command or name.startswith(f"{command} ")]
+    return min(known, default=len(EXAMPLES))
 
 
 def epilog(command: str) -> str:

@@ -15,7 +15,7 @@ from seod.commands.quantity import seconds
 @app.command()
 def identify(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="DATA...", help="Recordings; several are fitted jointly.")
+        list[Path], typer.Argument(metavar="DATA", help="Recordings; several are fitted jointly.")
     ],
     config: Annotated[
         Path | None, typer.Option(metavar="CONFIG", help="Rig file, whose values are shown beside.")

@@ -188,7 +188,7 @@ def _check_assignments(words: list[str]) -> list[str]:
 Assignments = Annotated[
     list[str],
     typer.Argument(
-        metavar="[AXIS] NAME=VALUE...",
+        metavar="[AXIS] NAME=VALUE",
         help="e_a, bias, hysteresis, K_L ('50 mm/s/V'; without a unit SI), method, two_phase; "
         "with a speed reference, trim.",
         callback=_check_assignments,
@@ -203,7 +203,10 @@ def set_(client: Client, assignments: Assignments, as_json: Json = False) -> Non
 
     axis, values = read_assignments(assignments)
     answer = client.set(axis, **values)
-    show(json.dumps(answer) if as_json else text.settings(answer["settings"]))
+    if as_json:
+        show(json.dumps(answer))
+        return
+    show(text.settings(answer["settings"], client.get(answer["axis"]).get("units")))
 
 
 @client_command

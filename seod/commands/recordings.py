@@ -33,7 +33,7 @@ def _plain_errors() -> Iterator[None]:
     with plain_errors():
         try:
             yield
-        except ReadError as error:
+        except (ReadError, ValueError) as error:
             raise CommandError(str(error)) from error
 
 
@@ -41,7 +41,9 @@ def _plain_errors() -> Iterator[None]:
 def info(
     path: Recorded,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
-    plot: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the columns into a file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the columns into a file: .png, .svg or .pdf.")
+    ] = None,
     columns: Columns = "",
     dbc: Dbc = None,
 ) -> None:
@@ -99,7 +101,7 @@ def export(
 @app.command()
 def scrub(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Recordings: MCAP, CSV; each file of a series.")
+        list[Path], typer.Argument(metavar="FILE", help="Recordings: MCAP, CSV; each file of a series.")
     ],
 ) -> None:
     """Take the server's tokens out of recordings of earlier versions; all else in them stays as it is."""

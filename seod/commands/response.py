@@ -15,7 +15,7 @@ from seod.commands.quantity import seconds, volts
 @app.command()
 def response(
     paths: Annotated[
-        list[Path] | None, typer.Argument(metavar="[DATA...]", help="Recordings, instead of a rig.")
+        list[Path] | None, typer.Argument(metavar="DATA", help="Recordings, instead of a rig.")
     ] = None,
     config: Annotated[
         Path | None, typer.Option(metavar="CONFIG", help="Rig file: excite this rig; with DATA, of that rig.")

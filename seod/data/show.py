@@ -9,7 +9,6 @@ import numpy as np
 
 from seod.data.source import ReadError
 from seod.data.summary import WORDS
-from seod.files.user_files import named
 from seod.terminal.text import number
 
 if TYPE_CHECKING:
@@ -75,7 +74,7 @@ def _values(each: ColumnSummary) -> str:
 
 
 def picture(envelope: Envelope) -> str:
-    """The largest value of each stretch as a bar; a blank where there is no value."""
+    """The largest value of each segment as a bar; a blank where there is no value."""
     fold = max(1, math.ceil(len(envelope.high) / PICTURE))
     high = np.array([np.fmax.reduce(envelope.high[k : k + fold]) for k in range(0, len(envelope.high), fold)])
     low = np.fmin.reduce(envelope.low, initial=np.inf)
@@ -94,16 +93,15 @@ def _bytes(count: int) -> str:
 
 
 def plot(summary: Summary, to: Path) -> None:
-    """Draw the columns of the main groups over their rows' time into a PNG file.
+    """Draw the columns of the main groups over their rows' time into a PNG, SVG or PDF file.
 
     Raises:
-        ReadError: matplotlib is not installed, or there is nothing to draw.
+        ReadError: There is nothing to draw.
+        ValueError: The file's ending is none of these.
         OSError: The file cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - optional
-    except ImportError as error:
-        raise ReadError("--plot needs matplotlib: pip install 'seod[plot]'") from error
+    from seod.plots.style import AFTER, new_figure, save, style  # noqa: PLC0415 - only where something is drawn
+
     drawn = [
         (group, column)
         for group in summary.groups
@@ -117,21 +115,20 @@ def plot(summary: Summary, to: Path) -> None:
         names = ", ".join(column.column.name for _, column in drawn[_PLOTTED:])
         summary.notes["not drawn"] = names
         drawn = drawn[:_PLOTTED]
-    figure = Figure(figsize=(9.0, 1.0 + 1.4 * len(drawn)), layout="constrained")
-    for axes, (group, column) in zip(figure.subplots(len(drawn), 1, squeeze=False)[:, 0], drawn, strict=True):
-        x, label = _abscissa(group, column)
-        span = column.envelope.low, column.envelope.high
-        axes.fill_between(x, *span, step="mid", linewidth=0.8, edgecolor="C0")  # the edge shows what is flat
-        axes.set_ylabel(_title(column), fontsize=8)
-        axes.set_xlabel(label, fontsize=8)
-        axes.tick_params(labelsize=7)
-    figure.suptitle(summary.path.name, fontsize=9)
-    with named(to):
-        figure.savefig(to, format="png", dpi=110)
+    with style():
+        figure = new_figure(9.0, 1.0 + 1.4 * len(drawn))
+        rows = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
+        for axes, (group, column) in zip(rows, drawn, strict=True):
+            x, label = _abscissa(group, column)
+            span = column.envelope.low, column.envelope.high
+            axes.fill_between(x, *span, step="mid", linewidth=0.8, color=AFTER)  # the edge shows what is flat
+            axes.set(ylabel=_title(column), xlabel=label)
+        figure.suptitle(summary.path.name)
+    save(figure, to)
 
 
 def _abscissa(group: GroupSummary, column: ColumnSummary) -> tuple[NDArray[Any], str]:
-    """Time in the middle of each stretch from the first one's, or the row where there is no time."""
+    """Time in the middle of each segment from the first one's, or the row where there is no time."""
     time = next((each for each in group.columns if each.column.name == group.time), None)
     if time is None or len(time.envelope.low) != len(column.envelope.low):
         return np.arange(len(column.envelope.low)) * column.envelope.rows, "row"

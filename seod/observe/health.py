@@ -49,9 +49,12 @@ class Health:
         self._rate: float | None = None
 
     def measure(self, now: float) -> None:
-        """Note ticks and time [s], once for each message, so that the rate is that since the last one."""
+        """Note ticks and time [s], once for each message, so that the rate is that since the last one.
+
+        There is none yet where the loop had not begun at the last one.
+        """
         ticks = self._shared.words[Word.TICKS]
-        if self._last is not None and now > self._last[0]:
+        if self._last is not None and self._last[1] and now > self._last[0]:
             self._rate = (ticks - self._last[1]) / (now - self._last[0])
         self._last = (now, ticks)
 

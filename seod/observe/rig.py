@@ -129,7 +129,7 @@ class Rig:
             self._warn("recording", news)
         if now >= self._next_health:
             self._next_health = now + HEALTH_S
-            self._publish_health(now)
+            self._publish_health(self.now())  # rows may have taken long, and ticks have gone on meanwhile
         self._hub.flush()
 
     def _rest(self) -> None:

@@ -92,6 +92,8 @@ class Board:
         axis = self.axes[name]
         e: Message = axis["estimate"] or {}
         quality = e.get("quality") or "-"
+        units: dict[str, str] = axis.get("units") or {}
+        true_units = {"K_L": units.get("K_L", ""), "omega_n": "rad/s"}
         age = None if not e else e["age_s"] + now - self._heard[name]
         cells = {
             "state": Text(axis["state"], style=STATE_STYLE.get(axis["state"], "")),
@@ -99,12 +101,13 @@ class Board:
             "zeta": Text(with_sd(e.get("zeta"), e.get("zeta_sd")), style="bold"),
             "omega_n [rad/s]": Text(with_sd(e.get("omega_n"), e.get("omega_n_sd")), style="bold"),
             "frequency [rad/s]": Text(number(e.get("frequency"))),
-            "amplitude": Text(number(e.get("amplitude"))),
-            "e_a [V]": Text(number(axis["settings"]["e_a"])),
+            "amplitude": Text(f"{number(e.get('amplitude'))} {units.get('hysteresis', '')}".rstrip()),
+            "e_a": Text(f"{number(axis['settings']['e_a'])} {units.get('e_a', '')}".rstrip()),
             "age [s]": Text("-" if age is None else f"{age:.1f}"),
         }
         for quantity, true in (self.info["truth"] or {}).get(name, {}).items():
-            cells[f"true {quantity}"] = Text(number(true), style="dim")
+            told = f"{number(true)} {true_units.get(quantity, '')}".rstrip()
+            cells[f"true {quantity}"] = Text(told, style="dim")
         return cells
 
 

@@ -37,7 +37,8 @@ async def test_commands_reach_the_rig():
     async with running(("pitch", "roll")) as run:
         assert await on(run, "set", "roll", "e_a=1.5", "bias=-0.1", "method=peaks") == (
             0,
-            "e_a = 1.5, hysteresis = 0.004, bias = -0.1, two_phase = false, K_L = 17, method = peaks\n",
+            "e_a = 1.5 V, hysteresis = 0.004 rad, bias = -0.1 V, two_phase = false, K_L = 17 rad/s/V, "
+            "method = peaks\n",
             "",
         )
         assert (await on(run, "start", "roll"))[0] == 0

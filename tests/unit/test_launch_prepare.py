@@ -95,9 +95,10 @@ def test_a_state_of_the_sources_has_a_folder_of_its_own(
         (copies / name).parent.mkdir(exist_ok=True)
         (copies / name).write_bytes((Path(cache.__file__).parent / name).read_bytes())
     monkeypatch.setattr(cache, "__file__", str(copies / "cache.py"))
-    assert cache.cache_folder() == before
+    elsewhere = cache.cache_folder()
+    assert elsewhere != before  # numba shares none between folders
     (copies / "physics.py").write_text("changed")
-    assert cache.cache_folder() != before
+    assert cache.cache_folder() not in (elsewhere, before)
 
 
 def test_every_module_with_machine_code_is_one_of_the_sources() -> None:
