@@ -22,12 +22,21 @@ GOAL = 95.0
 """Percent of a module's mutants that are to be killed."""
 SEEN = {"killed", "timeout", "segfault"}
 SOCKETS = "AF_UNIX is what no family stands for"
+ORIGIN = "times of a board's clock count from anywhere"
+MOVED = "set before it is read: a first sample is a movement from nan"
 CLIPPED = "a command at the limit is clipped to itself"
 EQUIVALENT: dict[str, str] = {
     "AxisGuard.pass_command: out = u if -limit <= u <= limit else math.copysign(limit, u)"
     " -> out = u if -limit < u <= limit else math.copysign(limit, u)": CLIPPED,
     "AxisGuard.pass_command: out = u if -limit <= u <= limit else math.copysign(limit, u)"
     " -> out = u if -limit <= u < limit else math.copysign(limit, u)": CLIPPED,
+    "AxisGuard.__init__: self.moved_at = -math.inf -> self.moved_at = None": MOVED,
+    "AxisGuard.__init__: self.moved_at = -math.inf -> self.moved_at = +math.inf": MOVED,
+    "DeviceClock.restart: self._now = self._put_right = 0.0 -> self._now = self._put_right = 1.0": ORIGIN,
+    "DeviceClock.heard: passed = 0.0 if self._latest is None else _passed_s(self._latest, time_us)"
+    " -> passed = 1.0 if self._latest is None else _passed_s(self._latest, time_us)": ORIGIN,
+    "_passed_s: return ((after_us - before_us + HALF) % WRAP - HALF) * 1e-6"
+    " -> return ((after_us - before_us - HALF) % WRAP - HALF) * 1e-6": "half a wrap ahead is half a wrap back",
     "SupervisorGuard.__init__: self.beats = self.silent = 0 -> self.beats = self.silent = None": (
         "the first look sets both, whatever the count is"
     ),
