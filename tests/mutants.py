@@ -23,6 +23,8 @@ GOAL = 95.0
 SEEN = {"killed", "timeout", "segfault"}
 SOCKETS = "AF_UNIX is what no family stands for"
 ORIGIN = "times of a board's clock count from anywhere"
+HEARD = "read only once a sample was heard, which sets it"
+HALVES = "half a wrap ahead is half a wrap back"
 MOVED = "set before it is read: a first sample is a movement from nan"
 CLIPPED = "a command at the limit is clipped to itself"
 EQUIVALENT: dict[str, str] = {
@@ -36,7 +38,10 @@ EQUIVALENT: dict[str, str] = {
     "DeviceClock.heard: passed = 0.0 if self._latest is None else _passed_s(self._latest, time_us)"
     " -> passed = 1.0 if self._latest is None else _passed_s(self._latest, time_us)": ORIGIN,
     "_passed_s: return ((after_us - before_us + HALF) % WRAP - HALF) * 1e-6"
-    " -> return ((after_us - before_us - HALF) % WRAP - HALF) * 1e-6": "half a wrap ahead is half a wrap back",
+    " -> return ((after_us - before_us - HALF) % WRAP - HALF) * 1e-6": HALVES,
+    "DeviceClock.heard: passed = 0.0 -> passed = 1.0": ORIGIN,
+    "DeviceClock.restart: self._arrived = -math.inf -> self._arrived = None": HEARD,
+    "DeviceClock.restart: self._arrived = -math.inf -> self._arrived = +math.inf": HEARD,
     "SupervisorGuard.__init__: self.beats = self.silent = 0 -> self.beats = self.silent = None": (
         "the first look sets both, whatever the count is"
     ),

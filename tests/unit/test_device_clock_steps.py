@@ -263,6 +263,8 @@ def test_a_reset_leaves_nothing_of_the_old_clock() -> None:
     assert made.heard(500_000_000, 51.5) == 51.5
     assert made.resets == 1
     assert made.heard(500_500_000, 52.25) == 52.0
+    assert made.heard(0, 53.0) == 53.0
+    assert made.resets == 2
 
 
 # Acknowledgements
