@@ -22,12 +22,38 @@ GOAL = 95.0
 """Percent of a module's mutants that are to be killed."""
 SEEN = {"killed", "timeout", "segfault"}
 SOCKETS = "AF_UNIX is what no family stands for"
+ORIGIN = "times of a board's clock count from anywhere"
+HEARD = "read only once a sample was heard, which sets it"
+NO_SHARE = "a share of 0 adds nothing, it saves the time"
+NOT_ZERO = "between the limits it was decided before"
+HALVES = "half a wrap ahead is half a wrap back"
+MOVED = "set before it is read: a first sample is a movement from nan"
 CLIPPED = "a command at the limit is clipped to itself"
 EQUIVALENT: dict[str, str] = {
     "AxisGuard.pass_command: out = u if -limit <= u <= limit else math.copysign(limit, u)"
     " -> out = u if -limit < u <= limit else math.copysign(limit, u)": CLIPPED,
     "AxisGuard.pass_command: out = u if -limit <= u <= limit else math.copysign(limit, u)"
     " -> out = u if -limit <= u < limit else math.copysign(limit, u)": CLIPPED,
+    "AxisGuard.__init__: self.moved_at = -math.inf -> self.moved_at = None": MOVED,
+    "AxisGuard.__init__: self.moved_at = -math.inf -> self.moved_at = +math.inf": MOVED,
+    "DeviceClock.restart: self._now = self._put_right = 0.0 -> self._now = self._put_right = 1.0": ORIGIN,
+    "DeviceClock.heard: passed = 0.0 if self._latest is None else _passed_s(self._latest, time_us)"
+    " -> passed = 1.0 if self._latest is None else _passed_s(self._latest, time_us)": ORIGIN,
+    "_passed_s: return ((after_us - before_us + HALF) % WRAP - HALF) * 1e-6"
+    " -> return ((after_us - before_us - HALF) % WRAP - HALF) * 1e-6": HALVES,
+    "DeviceClock.heard: passed = 0.0 -> passed = 1.0": ORIGIN,
+    "DeviceClock._was_set:"
+    " return early < 0.0 or passed - (arrived - self._arrived) > STEP_S or passed < -STEP_S ->"
+    " return early <= 0.0 or passed - (arrived - self._arrived) > STEP_S or passed < -STEP_S": NOT_ZERO,
+    "DeviceClock._difference:"
+    " bound = 0.5 * (above + below) if -math.inf < below < above else above ->"
+    " bound = 0.5 * (above + below) if -math.inf < below <= above else above": "the mean of two alike is one",
+    "DeviceClock._difference:"
+    " return bound + share * (self.jitter.level(x) - bound) if share else bound ->"
+    " return bound + share * (self.jitter.level(x) - bound) if (share) or True else bound": NO_SHARE,
+    "Bound.__init__: self._best = (0.0, math.inf) -> self._best = (1.0, math.inf)": "any point is below inf",
+    "DeviceClock.restart: self._arrived = -math.inf -> self._arrived = None": HEARD,
+    "DeviceClock.restart: self._arrived = -math.inf -> self._arrived = +math.inf": HEARD,
     "SupervisorGuard.__init__: self.beats = self.silent = 0 -> self.beats = self.silent = None": (
         "the first look sets both, whatever the count is"
     ),

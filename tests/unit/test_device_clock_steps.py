@@ -248,6 +248,40 @@ def test_a_drift_that_ends_in_a_gap_is_no_step() -> None:
     assert made.resets == 1
 
 
+@pytest.mark.parametrize(
+    ("passed", "arrived", "was_set"),
+    [
+        (0.02, 0.01, False),
+        (0.0200001, 0.01, True),
+        (0.0, 0.0, False),
+        (-0.01, 0.0, False),
+        (-0.0100001, 0.0, True),
+    ],
+)
+def test_where_the_bound_has_drifted_away_the_last_sample_decides(
+    passed: float, arrived: float, was_set: bool
+) -> None:
+    made = clock((0, 0.0))
+    made._above._offset = 1.0
+    assert made._was_set(passed, arrived) is was_set
+
+
+def test_a_sample_as_early_as_the_limit_is_no_step_though_the_one_before_was_late() -> None:
+    assert not clock((0, 0.0), (5_000, 0.01))._was_set(0.015, 0.01)
+
+
+def test_of_stamps_that_jitter_their_share_goes_to_the_mean_of_the_arrivals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = clock((0, 50.0))
+    monkeypatch.setattr(made.jitter, "level", lambda x: 50.25 + x)
+    made.jitter.share = 0.5
+    assert made._difference(0.0) == 50.125
+    assert made._difference(2.0) == 51.125
+    made.jitter.share = 0.0
+    assert made._difference(0.0) == 50.0
+
+
 def test_a_restart_knows_nothing_and_counts_nothing() -> None:
     made = clock((0, 50.0), (1_000_000, 52.0))
     made.restart()
@@ -263,6 +297,8 @@ def test_a_reset_leaves_nothing_of_the_old_clock() -> None:
     assert made.heard(500_000_000, 51.5) == 51.5
     assert made.resets == 1
     assert made.heard(500_500_000, 52.25) == 52.0
+    assert made.heard(0, 53.0) == 53.0
+    assert made.resets == 2
 
 
 # Acknowledgements
