@@ -31,9 +31,10 @@ PORT = 7655
 
 
 def rig_file(folder: Path) -> Path:
-    """The virtual rig at 2 kHz on a port of its own."""
+    """The virtual rig at 2 kHz on a port of its own; each minute a new file, for its index is memory."""
     text = (REPO / "configs/virtual.yaml").read_text()
     text = text.replace("port: 7600", f"port: {PORT}").replace("\nrig: ", "\nrig: soak-")
+    text = text.replace("\n# record: ", "\nrecord: {max_time: 60 s}\n# ")
     path = folder / "soak.yaml"
     path.write_text(text)
     return path
