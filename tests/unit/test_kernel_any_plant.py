@@ -55,7 +55,7 @@ def plants(draw):
         }
     lag = effects.get("valve_lag", {}).get("time", 0.0)
     if lag > 0.0 and draw(st.booleans()):
-        effects["spool_inertia"] = {"omega": max(1.0, draw(st.floats(0.1, 10.0)) / lag)}
+        effects["spool_inertia"] = {"omega": max(1.0, draw(st.floats(0.11, 10.0)) / lag)}
     low, high = draw(st.sampled_from([(-math.inf, math.inf), (-0.05, 0.05), (0.0, 0.3)]))
     return parameters(
         draw(st.floats(0.01, 100.0)),
