@@ -80,6 +80,8 @@ class Gateway:
         self._observer_ready = asyncio.Event()
         self._observer_gone = asyncio.Event()
         self._why = "the process that estimates has ended"
+        self.recorded_all = False
+        """The process that estimates and records has said, at its end, that no row is missing."""
         self.hub = Hub(observer.send)
         self.desk = Desk(config, shared, observer, self.hub, self._restart_loop)
         self.server = Server(
@@ -168,6 +170,8 @@ class Gateway:
             self._observer_gone.set()
         elif message.get("observer") == "ready":
             self._observer_ready.set()
+        elif message.get("observer") == "ended":
+            self.recorded_all = message["rows_missing"] == 0
         else:
             self.desk.hear(message)
 
@@ -207,7 +211,7 @@ def go_before_others() -> None:
 
 
 @contextlib.contextmanager
-def observing(arguments: ChildArguments) -> Iterator[tuple[Link, subprocess.Popen[bytes]]]:
+def observing(arguments: ChildArguments) -> Iterator[Link]:
     """The process that estimates and records, as a child; killed if it does not end by itself."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     given = replace(arguments, supervisor_fd=theirs.fileno(), supervisor_pid=os.getpid(), panel_fd=-1)
@@ -216,13 +220,13 @@ def observing(arguments: ChildArguments) -> Iterator[tuple[Link, subprocess.Pope
         process = subprocess.Popen(command, pass_fds=fds, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
         theirs.close()
         try:
-            yield Link(ours), process
+            yield Link(ours)
         finally:
             end(process)
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
-    """It was asked to end: a moment, then it is killed."""
+    """It has said all, or does not answer: a moment, then it is killed."""
     try:
         process.wait(0.5)
     except subprocess.TimeoutExpired:
@@ -230,8 +234,11 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-async def serve(arguments: ChildArguments, link: socket.socket, observer: Link) -> None:
+async def serve(arguments: ChildArguments, link: socket.socket, observer: Link) -> bool:
     """Map what was inherited, then run until the end.
+
+    Returns:
+        Whether the recording has all rows, and its end.
 
     Raises:
         GatewayError, ServerError: It cannot start.
@@ -245,6 +252,7 @@ async def serve(arguments: ChildArguments, link: socket.socket, observer: Link) 
             asyncio.get_running_loop().add_signal_handler(number, gateway.end)
         prepare()
         await gateway.run()
+        return gateway.recorded_all
     finally:
         shared.close()
 
@@ -253,10 +261,10 @@ def main() -> int:
     """Entry point of the gateway process."""
     arguments = ChildArguments.from_argv()
     die_with_parent(arguments.supervisor_pid)
-    with socket.socket(fileno=arguments.supervisor_fd) as link, observing(arguments) as (observer, child):
+    with socket.socket(fileno=arguments.supervisor_fd) as link, observing(arguments) as observer:
         go_before_others()
         try:
-            asyncio.run(serve(arguments, link, observer))
+            recorded_all = asyncio.run(serve(arguments, link, observer))
         except (GatewayError, ServerError):
             return 1
-    return int(arguments.record is not None and child.returncode != 0)  # its recording lacks rows, or its end
+    return int(arguments.record is not None and not recorded_all)

@@ -124,6 +124,8 @@ def main() -> int:
         recording = start_recording(record, config, Path(arguments.config_path))
         clock = clock_of(config, shared)
         observe(Observer(config, shared, link, make_estimator, clock, recording), link)
+        link.send({"observer": "ended", "rows_missing": recording.rows_missing})
+        link.flush()
     except ObserveError as error:
         link.send({"observer": "failed", "why": str(error)})
         return 1

@@ -400,8 +400,21 @@ def start_process(loop, config, record=None):
     return process, ours
 
 
+SLOW_TO_GO = """
+import atexit, time
+from pathlib import Path
+
+if b"seod.observe" in Path("/proc/self/cmdline").read_bytes():
+    atexit.register(time.sleep, 5.0)
+"""
+
+
 @pytest.mark.processes
-def test_as_a_process_it_says_its_port_and_ends_cleanly_on_sigterm(tmp_path):
+@pytest.mark.parametrize("slow_to_go", [False, True])
+def test_as_a_process_it_says_its_port_and_ends_cleanly_on_sigterm(tmp_path, monkeypatch, slow_to_go):
+    if slow_to_go:  # the process that records is killed once it has said that all is recorded
+        (tmp_path / "sitecustomize.py").write_text(SLOW_TO_GO)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     loop = FakeLoop()
     loop.start()
     process, link = start_process(loop, rig_config(), str(tmp_path / "a.csv"))
