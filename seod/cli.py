@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -42,8 +43,17 @@ def options(version: Version = False) -> None:
     """Live damping ratio and natural frequency of hydraulic servo actuators."""
 
 
+def _open_streams() -> None:
+    """Standard streams that were closed (`>&-`) go nowhere; a file opened later would take their place."""
+    for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)  # the lowest that is free: this one
+            setattr(sys, name, open(fd, mode, closefd=False, encoding="utf-8"))  # noqa: SIM115 - until the end
+
+
 def main() -> None:
     """Entry point of the command `seod`."""
+    _open_streams()
     try:
         own_packages()
     except ImportError as error:

@@ -30,6 +30,15 @@ def limited(size, *words, cwd):
     return done.returncode, done.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX")
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("words", ["--help", f"check {VIRTUAL}"])
+def test_closed_streams_are_no_error(tmp_path, closed, words):
+    command = f"{sys.executable} -m seod.cli {words} {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("data") / "run.csv"

@@ -1,6 +1,8 @@
 import asyncio
+import os
 import ssl
 import subprocess
+import sys
 
 import pytest
 from fake_loop import peer, rig_config, running
@@ -108,6 +110,33 @@ async def test_tls(certificate):
         async with peer(run) as plain:
             with pytest.raises((EOFError, ConnectionError)):
                 await plain.call("info")
+
+
+async def seod_status(run, *options, **environment):
+    """`seod status`, told where the daemon is by the environment: exit status and what it said."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "seod.cli", "status", *options),
+        env=os.environ | {"SEOD_HOST": "127.0.0.1", "SEOD_PORT": str(run.port)} | environment,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+    )
+    said, _ = await process.communicate()
+    return process.returncode, said.decode()
+
+
+async def test_the_command_line_is_told_of_tls_and_takes_the_environment(certificate):
+    tls = {"certificate": "cert.pem", "key": "key.pem"}
+    async with running(tls=tls, base=certificate, command_token=COMMAND) as run:
+        code, said = await seod_status(run, SEOD_TOKEN=COMMAND)
+        assert (code, said) == (
+            1,
+            f"seod: 127.0.0.1:{run.port} wants TLS: --tls PEM names the certificate to trust\n",
+        )
+        pem = str(certificate / "cert.pem")
+        code, said = await seod_status(run, "--tls", pem, SEOD_TOKEN=COMMAND)
+        assert (code, "fake" in said) == (0, True), said
+        code, said = await seod_status(run, "--tls", pem, SEOD_TOKEN="x" * 16)
+        assert (code, "wrong token" in said) == (1, True), said
 
 
 async def test_a_missing_certificate_is_told(tmp_path):
