@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.processes
 COUNT = 14
+ROWS = 3000
+"""Of a recording: identify takes long enough that something can happen in the middle."""
 DASK = SEOD.with_name("dask")
 ENVIRONMENT = os.environ | {
     "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
@@ -35,7 +37,7 @@ ENVIRONMENT = os.environ | {
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
-    write_recordings(folder, COUNT)
+    write_recordings(folder, COUNT, ROWS)
     (folder / "torn.csv").write_text("no numbers\n")
     return folder
 
@@ -89,7 +91,12 @@ def workers_of(pid: int) -> list[int]:
     children = [
         child for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()
     ]
-    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    return [int(child) for child in children if is_worker(Path(f"/proc/{child}/cmdline").read_bytes())]
+
+
+def is_worker(command: bytes) -> bool:
+    """By the command line, or by the title that Dask gives it where `setproctitle` is installed."""
+    return b"spawn_main" in command or command.startswith(b"dask worker")
 
 
 def gone(pid: int) -> bool:
@@ -140,6 +147,7 @@ def test_an_interrupt_ends_workers_and_tells_how_to_go_on(recordings, started, t
     run = Run(started, recordings, tmp_path / "out", "--workers", "1")
     run.until_done(2)
     workers = workers_of(run.process.pid)
+    assert workers
     os.killpg(run.process.pid, signal.SIGINT)  # as a terminal does
     said = run.ends(130)
     assert f"of {COUNT + 1} are done, and the same command goes on from there" in said
