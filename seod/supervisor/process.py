@@ -288,10 +288,14 @@ class Supervisor:
             self.gateway.signal(signal.SIGKILL)
 
     def fence(self, loop: Child) -> None:
-        """Shut the loop out, write neutral, and kill it: a process that is killed never runs again."""
+        """Shut the loop out, kill it, and write neutral.
+
+        A process that is killed never runs again, also one that was stopped just before it sent: so the kill
+        comes before the neutral, for the supervisor itself may die in between.
+        """
         self.shared.words[Word.FENCE] = self.generation
-        self.fenced = self.write_neutral()
         loop.signal(signal.SIGKILL)
+        self.fenced = self.write_neutral()
         self.still = 0
         loop.ready = False
 

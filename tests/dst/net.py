@@ -191,6 +191,7 @@ class Transport(asyncio.Transport):
         self._high, self._low = 1 << 16, 1 << 14
         self._paused = False
         self._rng = loop.process.rng
+        self._left = False
         self._next_out = self._next_in = 0.0
         loop.process.held.append(self)
         self._soon(protocol.connection_made, self)
@@ -216,8 +217,14 @@ class Transport(asyncio.Transport):
 
     def hang_up(self) -> None:
         """The client is gone."""
+        self._left = True
         self._next_in = max(self._next_in, self.world.now + self._rng.uniform(*NET_S))
         self.world.at(self._next_in, lambda: self._soon(self._lose))
+
+    def _deliver(self, data: bytes) -> None:
+        """To the client, unless it has hung up: it may have another connection by now."""
+        if not self._left:
+            self.client.receive(data)
 
     def took(self, count: int) -> None:
         """The client has read so many bytes."""
@@ -267,7 +274,7 @@ class Transport(asyncio.Transport):
         self._unread += len(data)
         sent = bytes(data)
         self._next_out = max(self._next_out, self.world.now + self._rng.uniform(*NET_S))
-        self.world.at(self._next_out, lambda: self.client.receive(sent))
+        self.world.at(self._next_out, lambda: self._deliver(sent))
         if self._unread > self._high and not self._paused:
             self._paused = True
             self.protocol.pause_writing()

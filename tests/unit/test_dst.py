@@ -176,6 +176,14 @@ def test_an_interface_that_goes_while_it_is_off_the_bus_is_taken_again() -> None
     assert not run(1, 4.0, faults).failures
 
 
+def test_a_fenced_loop_is_killed_before_neutral_is_written() -> None:
+    """Found by seed 20087: stopped before a send, and its supervisor dead by then, it sent what it had held."""
+    supervisor = Fault(11.7673, "kill", {"who": "supervisor", "points": 2})
+    for k in range(3):
+        stop = Fault(11.8587 + 0.0005 * k, "stop", {"who": "loop", "for": 0.84, "points": 5})
+        assert not run(20087, 15.0, [supervisor, stop]).failures
+
+
 def test_a_failing_run_is_shrunk_to_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     _no_neutral_by_the_supervisor(monkeypatch)
     cause = Fault(5.0, "kill", {"who": "loop", "points": 0})
