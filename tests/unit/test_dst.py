@@ -177,7 +177,7 @@ def test_an_interface_that_goes_while_it_is_off_the_bus_is_taken_again() -> None
 
 
 def test_a_fenced_loop_is_killed_before_neutral_is_written() -> None:
-    """Found by seed 20087: stopped before a send, and its supervisor dead by then, it sent what it had held."""
+    """Found by seed 20087: stopped before a send, its supervisor dead by then, it sent what it had held."""
     supervisor = Fault(11.7673, "kill", {"who": "supervisor", "points": 2})
     for k in range(3):
         stop = Fault(11.8587 + 0.0005 * k, "stop", {"who": "loop", "for": 0.84, "points": 5})
