@@ -34,7 +34,7 @@ GUESTS = 2
 """Guests at a time: each has one processor."""
 SETS = [*(SHARING[k::GUESTS] for k in range(GUESTS)), *([name] for name in INSTALLING)]
 """Files of each guest; the longest guests first: the last one has no other beside it."""
-LIMIT_S = 900
+LIMIT_S = 1200
 """Of one of them."""
 ALL_S = 2400
 
