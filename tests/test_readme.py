@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -13,10 +12,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.peers import Program, port_of, port_open, until, write_rig_file
+from tests.scripts import loaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from types import ModuleType
 
 REPO = Path(__file__).parents[1]
 README = (REPO / "README.md").read_text()
@@ -78,18 +77,9 @@ def test_the_simulated_recording(tmp_path: Path) -> None:
     assert (tmp_path / "truth.csv").read_text().startswith("t,u,y [rad],t_u\n")
 
 
-def _outputs() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("outputs", REPO / "docs" / "outputs.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.timeout(600)
 def test_what_commands_print_is_what_the_pages_show() -> None:
-    outputs = _outputs()
+    outputs = loaded(REPO / "docs" / "outputs.py")
     shown = [(page, found) for page in outputs.PAGES for found in outputs.SHOWN.finditer(page.read_text())]
     assert any(page.name == "recording.md" for page, _ in shown)
     for page, found in shown:

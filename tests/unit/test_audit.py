@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import threading
 from contextlib import contextmanager
@@ -13,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.scripts import loaded
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -21,12 +22,7 @@ PATH = Path(__file__).parents[2] / ".ci" / "audit.py"
 
 @pytest.fixture
 def audit() -> Any:
-    spec = importlib.util.spec_from_file_location("audit", PATH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(PATH)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from cobs import cobs
@@ -18,6 +18,7 @@ from drivers.serial_inputs import SerialInputs
 from seod.loop.guard import AxisGuard
 from seod.loop.tick import Loop
 from tests.dst.bus import Plant
+from tests.dst.clients import Operator
 from tests.dst.faults import Fault
 from tests.dst.line import Stream, frame, stuffed, unstuffed
 from tests.dst.run import run
@@ -182,6 +183,28 @@ def test_a_fenced_loop_is_killed_before_neutral_is_written() -> None:
     for k in range(3):
         stop = Fault(11.8587 + 0.0005 * k, "stop", {"who": "loop", "for": 0.84, "points": 5})
         assert not run(20087, 15.0, [supervisor, stop]).failures
+
+
+def test_a_sensor_that_shows_another_axis_from_the_start_lets_none_excite(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[tuple[float, str, str]] = []
+    answered = Operator._answered
+
+    def notes(operator: Operator, method: str, result: Any) -> None:
+        answered(operator, method, result)
+        if method == "get" and result:
+            seen.append((operator.world.now, result["state"], (result["fault"] or {}).get("code", "")))
+
+    monkeypatch.setattr(Operator, "_answered", notes)
+    for seed in range(1, 4):
+        seen.clear()
+        swapped = Fault(0.01, "exchanged", {"value": "still", "for": 60.0})
+        assert not run(seed, 8.0, [swapped], wire="serial").failures
+        begun = seen[0][0]
+        while_swapped = [(state, code) for t, state, code in seen if t < begun + 8.0]
+        assert ("fault", "polarity") in while_swapped
+        assert not {state for state, _ in while_swapped} & {"exciting", "holding"}
 
 
 def test_a_failing_run_is_shrunk_to_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.scripts import loaded
 
 PATH = Path(__file__).parents[2] / "systemd" / "install.py"
 
 
 @pytest.fixture
 def installer() -> Any:
-    spec = importlib.util.spec_from_file_location("installer", PATH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(PATH)
 
 
 @pytest.mark.parametrize("locked", [False, True])

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 
 import pytest
 
+from tests.scripts import loaded
+
 REPO = Path(__file__).parents[2]
-spec = importlib.util.spec_from_file_location("prose", REPO / "docs" / "prose.py")
-prose = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(prose)
+prose = loaded(REPO / "docs" / "prose.py")
 
 
 @pytest.mark.parametrize("rule", prose.RULES, ids=lambda rule: rule.instead)
