@@ -46,11 +46,12 @@ class Timing:
         """The answer as far as the scatter of samples' times allows it.
 
         The mean over such times is smaller than the motion by exp(-(frequency scatter)^2 / 2), and its
-        harmonics by more: that is no noise, and no window averages it out.
+        harmonics by more: that is no noise, and no window averages it out. A `nonlinear` plant cannot be
+        told from it.
         """
         scatter = _known(self.stamps().scatter)
         turn = scatter * (answer.frequency or 0.0)
-        if turn > NOISE_MAX and answer.quality == "ok":
+        if turn > NOISE_MAX and answer.quality in ("ok", "nonlinear"):
             return replace(answer, quality="noisy", advice=JITTERS.format(scatter=1e3 * scatter, part=turn))
         return replace(
             answer,

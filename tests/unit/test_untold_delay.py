@@ -236,6 +236,15 @@ def test_stamps_that_scatter_much_are_told():
     assert little.omega_n_sd > 5e-4 * 117.0
 
 
+@pytest.mark.parametrize(
+    ("quality", "told"), [("ok", "noisy"), ("nonlinear", "noisy"), ("fault", "fault"), ("settling", "settling")]
+)
+def test_what_repeats_under_stamps_that_scatter_is_no_nonlinear_plant(quality, told):
+    answer = Estimate(1.0, "wave", quality, 0.21, 1e-4, 117.0, 0.01, frequency=115.0)
+    assert stamped(1.5e-3).weigh(answer).quality == told
+    assert stamped(2e-4).weigh(answer).quality == quality
+
+
 def test_stamps_that_are_off_together_are_a_delay():
     assert Timing(1e-3, lambda: StampError(1e-3, 0.0)).delay_sd == pytest.approx(math.sqrt(2.0) * 1e-3)
     assert axis(Timing(3e-3))._estimator_settings().delay_sd == 3e-3
