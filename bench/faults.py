@@ -32,6 +32,8 @@ EXCITED_S, WATCHED_S = 4.0, 3.5
 PERIOD, WATCHDOG, HANG, SUPERVISOR = 0.01, 0.4, 0.1, 0.02
 """Tick, the rig's own watchdog, loop.hang_timeout (tests/dst/rig.yaml); the supervisor's promise [s]."""
 STALE, FROZEN, GATEWAY, CONFIRM = 0.05, 0.5, 1.0, 0.05
+UNSEEN = 0.75
+"""guard.no_switch of a known limit cycle: four times its longest half, with a jitter of a tick [s]."""
 WIRE, LINE = 0.004, 0.005
 TITLES = "fault | promised [ms] | p50 [ms] | max [ms] | unguarded runs | rows lost | what clients are told"
 HEAD = f"| {TITLES} |\n| --- | --- | --- | --- | --- | --- | --- |"
@@ -126,6 +128,7 @@ ROWS = [
     Row("error passive", "passive", {}, math.inf),
     Row("sensor silent", "silent", LONG, STALE + TWO_TICKS),
     Row("sensor frozen", "frozen", LONG, FROZEN + TWO_TICKS),
+    Row("sensor of another, still axis", "other_axis", LONG, UNSEEN + TWO_TICKS),
     Row("sensor frames damaged", "corrupt", LONG, STALE + TWO_TICKS),
     Row("sensor out of range", "jump", {"value": 3.0, **LONG}, PERIOD + TWO_TICKS),
     Row("plant of the wrong sign", "wrong_sign", LONG, 1.5),
@@ -179,7 +182,12 @@ SERIAL_ROWS = [
     Row(
         "channels swapped: pressure for angle", "exchanged", {"value": "pressure", **LONG}, PERIOD + TWO_TICKS
     ),
-    Row("channels swapped: angle of a still axis", "exchanged", {"value": "still", **LONG}, math.inf),
+    Row(
+        "channels swapped: angle of a still axis",
+        "exchanged",
+        {"value": "still", **LONG},
+        UNSEEN + TWO_TICKS,
+    ),
     Row("e-stop line opened", "estop_line", LONG, PERIOD + TWO_TICKS),
 ]
 ROWS += [each._replace(name=f"serial line: {each.name}", wire="serial") for each in SERIAL_ROWS]

@@ -304,6 +304,12 @@ class GuardConfig(Section):
     """Oldest sample that may be acted on."""
     frozen: Seconds = 0.25
     """A sensor that repeats one value for this long while the relay is on is frozen."""
+    no_switch: Seconds = 2.0
+    """A relay on a position that stays on one side for this long does not see its axis: another axis' sensor.
+
+    Once its limit cycle is known, four times the longest half of it is the limit, and `frozen` at least.
+    Longer than half a period of the slowest limit cycle that is expected.
+    """
     rig_watchdog: Seconds | None = None
     """The amplifier's own watchdog: it goes to neutral when commands stop for this long.
 

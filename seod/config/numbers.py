@@ -188,7 +188,7 @@ def _guard_times(draft: Draft) -> Iterator[ConfigError]:
     if guard is None or period is None:
         return
     shortest = f"must be at least one period of the loop, {period:g} s"
-    for key in ("stale", "frozen", "rig_watchdog", "dead_man"):
+    for key in ("stale", "frozen", "no_switch", "rig_watchdog", "dead_man"):
         value = getattr(guard, key)
         if value is not None and value < period:
             yield draft.wrong(("guard", key), shortest)

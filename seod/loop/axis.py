@@ -93,10 +93,12 @@ class Axis:
     def inspect(self, t: float) -> Trip | None:
         """The guard's verdict on the newest sample, while the axis may move."""
         course = self.course
-        relay = course.relay is not None
-        at_amplitude = relay and t - course.entered - self.config.excitation.entry > GROWTH_AFTER_S
-        swing = self.mode.swing if relay or isinstance(course.controller, Tones) else None
-        trip = self.guard.inspect(t, self.sample, self.y, swing, relay, at_amplitude)
+        relay = course.relay
+        on = relay is not None
+        at_amplitude_s = t - course.entered - self.config.excitation.entry if on else -math.inf
+        swing = self.mode.swing if on or isinstance(course.controller, Tones) else None
+        side = relay.sign if relay is not None and at_amplitude_s >= 0.0 and self.mode.has_ends else 0.0
+        trip = self.guard.inspect(t, self.sample, self.y, swing, on, at_amplitude_s > GROWTH_AFTER_S, side)
         if trip is None:
             course.phases.watch(t, course.relay, self.guard.amplitude)
         return trip
@@ -166,6 +168,7 @@ class Axis:
             if is_identified(self.config.K_L):
                 self.mode.absorb(values["K_L"])
             self.conditions.set(values["K_L"])
+        self.guard.settings_changed()
         relay = self.course.relay
         if relay is not None:
             relay.e_a, relay.hysteresis = self.settings["e_a"], self.settings["hysteresis"]

@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from seod.loop.motion import SpeedMeter, SwingMeter
+from seod.loop.motion import SpeedMeter, SwingMeter, SwitchMeter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +32,11 @@ JUMP_OF_TRAVEL = 0.1
 """A step between two samples of more than this part of the travel is told as a jump. Chosen."""
 FLIP_LIKENESS = 0.1
 """Readings whose sum is at most this part of their difference have one size and opposite signs. Chosen."""
+
+LONGER = 4.0
+"""A relay that stays on one side for so many times its longest stay of late no longer sees its axis. Chosen:
+a plant whose omega_n falls to half doubles a stay, and so does a second phase.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,7 @@ class AxisGuard:
         self.guard = guard
         self.speed = SpeedMeter(self.SPEED_WINDOW_S)
         self.swing: SwingMeter | None = None
+        self.switches: SwitchMeter | None = None
         self.amplitude = 0.0
         """Half the peak-to-peak movement over about the last second [unit of the position]."""
         self.sensor: Sensor | None = None
@@ -88,8 +94,19 @@ class AxisGuard:
         self.speed.points.clear()
         self.last_y = math.nan
 
+    def settings_changed(self) -> None:
+        """The limit cycle may be another one: how long its halves lasted before says nothing any more."""
+        self.switches = None
+
     def inspect(
-        self, t: float, sample: Sample, y: float, swing: float | None, exciting: bool, growth_counts: bool
+        self,
+        t: float,
+        sample: Sample,
+        y: float,
+        swing: float | None,
+        exciting: bool,
+        growth_counts: bool,
+        side: float = 0.0,
     ) -> Trip | None:
         """Judge the newest sample of a moving axis.
 
@@ -100,11 +117,16 @@ class AxisGuard:
             swing: What swings in the limit cycle [unit of the position]; None while nothing should.
             exciting: The relay is on: the sensor must move.
             growth_counts: The relay has been at its amplitude long enough for growth to mean something.
+            side: Of the relay, 1 or -1; 0 while it is off or comes to its amplitude.
         """
         trip = self.ready(t, sample, y) or self._speed(sample, y)
         if trip is not None:
             return self._with_jump(trip, y)
-        return self._amplitude(t, swing, growth_counts) or self._frozen(t, y, exciting)
+        return (
+            self._amplitude(t, swing, growth_counts)
+            or self._frozen(t, y, exciting)
+            or self._no_switch(t, side)
+        )
 
     def pass_command(self, t: float, u: float) -> float:
         """Clip a command to output and slew limits [V]; `u` must be finite."""
@@ -214,6 +236,27 @@ class AxisGuard:
             f"{self.name}: the sensor has read {y:.6g} for {still * 1e3:.0f} ms while the relay is on; "
             f"guard.frozen is {self.guard.frozen * 1e3:.0f} ms",
             {self.quantity: y, "still_s": still, "limit_s": self.guard.frozen},
+        )
+
+    def _no_switch(self, t: float, side: float) -> Trip | None:
+        if side == 0.0:
+            self.switches = None
+            return None
+        if self.switches is None:
+            self.switches = SwitchMeter(t, side)
+        stay, usual = self.switches.update(t, side), self.switches.usual
+        limit = self.guard.no_switch
+        if usual is not None:
+            limit = min(limit, max(self.guard.frozen, LONGER * usual))
+        if stay <= limit:
+            return None
+        before = "" if usual is None else f"; it was {usual * 1e3:.0f} ms at most before"
+        return Trip(
+            "no_switch",
+            f"{self.name}: the relay has been on one side for {stay * 1e3:.0f} ms, at most "
+            f"{limit * 1e3:.0f} ms is allowed (guard.no_switch){before}: "
+            "the sensor does not show this axis, or the axis does not move",
+            {"stay_s": stay, "limit_s": limit},
         )
 
 

@@ -15,6 +15,8 @@ class Mode(Protocol):
     """What the sensor measures, for messages."""
     approaches: bool
     """The axis has to be brought to where it oscillates."""
+    has_ends: bool
+    """A relay that no longer switches drives the axis to the end of its travel."""
     reference: float
     """Set point in force [unit of the sensor]."""
     t_sample: float

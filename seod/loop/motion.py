@@ -1,4 +1,4 @@
-"""How an axis moves, as the guard sees it: its speed, and how far it swings."""
+"""How an axis moves, as the guard sees it: speed, swing, and how long its relay stays on one side."""
 
 from __future__ import annotations
 
@@ -80,3 +80,37 @@ class SwingMeter:
         self.low, self.high = math.inf, -math.inf
         self.turns = 0
         self.block_end = t + self.BLOCK_S
+
+
+class SwitchMeter:
+    """How long the relay stays on one side: now, and at most of late.
+
+    The longest counts over blocks of `BLOCK_S` with `SWITCHES` at least: noise may switch the relay many
+    times at one crossing, and halves may differ.
+    """
+
+    BLOCK_S = 1.0
+    SWITCHES = 4
+
+    def __init__(self, t: float, side: float) -> None:
+        self.side = side
+        self.switched_at = self.block_began = t
+        self.count = 0
+        self.block_longest = 0.0
+        self.usual: float | None = None
+        """Longest stay in the newest whole block [s]; None until there is one."""
+
+    def update(self, t: float, side: float) -> float:
+        """Take the relay's side at `t` [s]; the time since it came there [s]."""
+        stay = t - self.switched_at
+        if side != self.side:
+            self.side, self.switched_at = side, t
+            self.count += 1
+            self.block_longest = max(self.block_longest, stay)
+            if t - self.block_began >= self.BLOCK_S and self.count >= self.SWITCHES:
+                self._end_block(t)
+        return t - self.switched_at
+
+    def _end_block(self, t: float) -> None:
+        self.usual, self.block_longest = self.block_longest, 0.0
+        self.block_began, self.count = t, 0

@@ -45,6 +45,7 @@ class PositionMode:
 
     quantity = "position"
     approaches = False
+    has_ends = True
 
     def __init__(self, config: AxisConfig, settings: dict[str, float]) -> None:
         self.config = config

@@ -70,6 +70,7 @@ class VelocityMode:
 
     quantity = "speed"
     approaches = True
+    has_ends = False
 
     def __init__(
         self, config: AxisConfig, settings: dict[str, float], warn: Callable[[str, str], None]

@@ -401,7 +401,9 @@ class Rig:
         loss: Part of the encoder's frames that never come; likewise `twice`, `swap`.
         delay: They come so much later [s].
         offset: Added to the encoder's angle [rad].
-        nan, instead: As a board's angle may be (`tests.dst.line`).
+        nan: The angle is no number; of a board alone.
+        instead: What stands in the angle's place: "" nothing, "still" another axis that stands at 0, and
+            of a board alone "pressure".
         on_volts: Told when the output changes.
     """
 
@@ -433,7 +435,8 @@ class Rig:
             self._set(0.0)
         self._put_back()
         if not self.frozen:
-            self._angle = self.plant.position + self.offset + self.rng.gauss(0.0, self.noise)
+            shown = 0.0 if self.instead == "still" else self.plant.position + self.offset
+            self._angle = shown + self.rng.gauss(0.0, self.noise)
         self._publish()
         self._next += self.period
         self.world.at(self._next, self._turn)

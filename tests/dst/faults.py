@@ -289,6 +289,7 @@ KINDS: dict[str, Kind] = {
     "jump": Kind(
         2, lambda r: {"value": r.uniform(-2, 2), "for": _span(r, 0.01, 0.5)}, sensor("offset", 0, 0.0)
     ),
+    "other_axis": Kind(1, lambda r: {"for": _span(r, 0.01, 2)}, sensor("instead", "still", ""), CAN),
     "estop_line": Kind(2, lambda r: {"for": _span(r, 0.01, 1)}, sensor("run", False, True)),
     "foreign": Kind(
         1,

@@ -315,12 +315,7 @@ class Line:
 
 
 class Board(Rig):
-    """Sensors and amplifier behind the board.
-
-    Attributes:
-        nan: The angle is no number.
-        instead: What stands in the angle's place: "" nothing, else "still" or "pressure".
-    """
+    """Sensors and amplifier behind the board."""
 
     def __init__(self, world: World, line: Line, rng: Random, rate_hz: float, watchdog_s: float) -> None:
         self.line, self.rate_hz = line, rate_hz
@@ -368,9 +363,7 @@ class Board(Rig):
         self.neutral = self.neutral or now - self.heard_at > self.watchdog
         if not self.sampling:
             return
-        angle = {"": self._angle, "still": self.rng.gauss(0.0, self.noise), "pressure": PRESSURE}[
-            self.instead
-        ]
+        angle = PRESSURE if self.instead == "pressure" else self._angle
         age = min(self._us(now) - self._us(self.commanded_at), 65535) if self.commanded_at > 0 else 65535
         head = struct.pack("<IBBH", self._us(now) & 0xFFFFFFFF, self.neutral, self.ack, age)
         body = struct.pack("<fffB", math.nan if self.nan else angle, 0.0, PRESSURE, self.run)

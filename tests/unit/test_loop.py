@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from random import Random
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -67,6 +68,46 @@ def test_the_limit_cycle_is_the_plants(bench: Callable[..., Bench]) -> None:
     assert 2 * math.pi / period == pytest.approx(0.9986 * 117.0, rel=0.02)
     amplitude = (max(r["y"] for r in rows) - min(r["y"] for r in rows)) / 2
     assert amplitude == pytest.approx(1.276 * 17 * 0.5 / (2 * 0.21 * 117), rel=0.04)
+
+
+def another_axis_sensor(rig: Bench) -> None:
+    """From now on the sensor's readings are of an axis that stands where this one does: noise alone."""
+    axis, noise, at = rig.loop.axes[0], Random(1), rig.loop.axes[0].y
+    sense = axis.sense
+    axis.sense = lambda sample: sense(sample._replace(value=at + noise.gauss(0.0, 1e-4)))  # type: ignore[method-assign]
+
+
+def test_a_relay_that_sees_another_still_axis_faults_before_the_load_has_gone_far(
+    bench: Callable[..., Bench],
+) -> None:
+    rig = bench({"guard": {"frozen": 0.05}})
+    rig.call("start")
+    rig.run(4.0)
+    assert not rig.faults()
+    another_axis_sensor(rig)
+    began = rig.pacer.now()
+    rig.run(0.5)
+    (fault,) = rig.take("fault")
+    assert fault["code"] == "no_switch"
+    longest_half = 1.2 * math.pi / 117.0
+    assert fault["t"] - began < max(0.05, 4.0 * longest_half) + 2 * PERIOD
+    assert rig.volts == 0.0
+
+
+def test_before_a_limit_cycle_is_known_the_rig_files_limit_counts_and_after_a_change_too(
+    bench: Callable[..., Bench],
+) -> None:
+    rig = bench(
+        {"guard": {"no_switch": 0.3, "frozen": 0.05}, "axes": {"motor": {"polarity": {"enabled": False}}}}
+    )
+    rig.call("start")
+    rig.run(4.0)
+    assert rig.call("set", 0, e_a=0.45) is None
+    another_axis_sensor(rig)
+    rig.run(0.25)
+    assert not rig.faults()
+    rig.run(0.1)
+    assert rig.faults() == ["no_switch"]
 
 
 def test_entry_is_smooth_and_rows_tell_it(bench: Callable[..., Bench]) -> None:
