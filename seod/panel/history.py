@@ -31,9 +31,9 @@ class AxisHistory:
     def __init__(self, rows: int) -> None:
         self._rows = rows
         self._end = 0
-        self._time = np.empty(2 * rows)
-        self._values = {name: np.empty(2 * rows) for name in FIELDS}
-        self._fresh = np.empty(2 * rows, bool)
+        self._time = np.full(2 * rows, np.nan)  # written to, so that its memory is there from the begin
+        self._values = {name: np.full(2 * rows, np.nan) for name in FIELDS}
+        self._fresh = np.full(2 * rows, False)
         self.state = 0
         """The newest row's, one of `seod.processes.ring.AxisState`."""
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import socket
 import struct
+import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,9 @@ from seod.processes.ring import HISTOGRAM_BINS
 from seod.protocol.jsonrpc import RpcError
 from seod.record.layout import row_dtype
 from seod.scpi.device import Device
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 DOCS = Path(__file__).parents[2] / "docs"
 RATE_HZ = 1000.0
@@ -165,7 +169,25 @@ def test_trends_are_thinned_and_keep_the_newest() -> None:
     assert columns["t"] == sorted(columns["t"])
     assert columns["t"][-RECENT:] == [float(k) for k in range(count - RECENT, count)]
     assert columns["t"][0] < OLDER
-    assert trend.columns(since=count - 3.0)["t"] == [count - 2.0, count - 1.0]
+    newest = trend.columns(since=count - 3.0)
+    assert newest["t"] == [count - 2.0, count - 1.0]
+    assert (newest["zeta"], newest["ps"], newest["quality"]) == ([0.2, 0.2], [None, None], ["ok", "ok"])
+
+
+def test_a_trend_and_a_history_have_all_their_memory_from_the_begin() -> None:
+    def grown(take: Callable[[int], None], count: int) -> int:
+        tracemalloc.start()
+        before = tracemalloc.get_traced_memory()[0]
+        for k in range(count):
+            take(k)
+        after = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+        return after - before
+
+    trend, history = Trend(), AxisHistory(500)
+    one = np.ones(1)
+    assert grown(lambda k: trend.add({"t": float(k), "zeta": 0.2, "quality": "ok"}), 8000) < 10_000
+    assert grown(lambda k: history.add(one * k, block(one * k), one > 0), 2000) < 10_000
 
 
 def test_one_commands_and_others_take_over_openly() -> None:
