@@ -99,6 +99,7 @@ wheelhouse: $(READY)
 	for source in build/wheelhouse/*.tar.gz; do [ ! -e $$source ] || { \
 		$(PIP) wheel --no-deps -w build/wheelhouse $$source && rm $$source; } || exit 1; done
 	$(BIN)/python -m build --wheel --no-isolation --outdir build/wheelhouse .
+	$(PYTHON) systemd/lock_wheelhouse.py build/wheelhouse
 
 # Unit tests reach each branch of what must not fail: guard, course, supervisor, neutral, the board's clock.
 GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py

@@ -25,6 +25,8 @@ PREFIX = Path("/opt/seod")
 UNITS = ("seod@.service", "seod-can@.service", "seod-vcan@.service")
 KEPT = 3
 """Releases that stay."""
+WHEELS_LOCK = "wheels.lock"
+"""Hashes of what lies beside it; see `systemd/lock_wheelhouse.py`."""
 BACKOFF_SINCE = 254
 """Version of systemd that knows RestartSteps=."""
 
@@ -110,6 +112,7 @@ class Service:
         try:
             venv.create(release, with_pip=find_spec("pip") is None, symlinks=True)
             words = ["install", "--quiet", "--no-index", "--find-links", str(wheelhouse)]
+            lock = lock or next(wheelhouse.glob(WHEELS_LOCK), None)
             if lock:  # by hash; the wheel itself, which nobody has locked, comes after
                 _run([*_pip(release), *words, "--require-hashes", "--requirement", str(lock)])
                 words.append("--no-deps")
@@ -210,7 +213,11 @@ def main() -> int:
     parser.add_argument("--prefix", type=Path, default=PREFIX, help="of the releases (default: /opt/seod)")
     parser.add_argument("--root", type=Path, default=Path("/"), help="of /etc; not /: systemd is left alone")
     parser.add_argument("--wheelhouse", type=Path, help="folder with the wheel and all that it needs")
-    parser.add_argument("--lock", type=Path, help="requirements with hashes that must be met")
+    parser.add_argument(
+        "--lock",
+        type=Path,
+        help="requirements with hashes that must be met (default: DIR/wheels.lock, where it is)",
+    )
     given = parser.parse_args()
     service = Service(given.prefix, given.root)
     if given.root == Path("/") and os.geteuid() != 0:
