@@ -23,6 +23,7 @@ from seod.fleet.outbox import Outbox
 from seod.fleet.store import Store
 from seod.fleet.teller import Teller
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, send_json
+from seod.processes.realtime import OTHERS_OOM, be_ended_sooner
 from seod.processes.uplink import Uplink
 from seod.protocol.jsonrpc import RpcError
 
@@ -177,6 +178,7 @@ def main() -> int:
     """Entry point of this process."""
     arguments = ChildArguments.from_argv()
     die_with_parent(arguments.supervisor_pid)
+    be_ended_sooner(OTHERS_OOM)
     os.nice(NICE)
     with socket.socket(fileno=arguments.supervisor_fd) as link:
         try:

@@ -27,7 +27,7 @@ from seod.gateway.service import Service
 from seod.processes.hand_in import receive_client
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, receive_json, send_json
 from seod.processes.link import Link
-from seod.processes.realtime import set_fifo
+from seod.processes.realtime import GATEWAY_OOM, be_ended_sooner, set_fifo
 from seod.processes.ring import Shared, Word
 
 if TYPE_CHECKING:
@@ -204,7 +204,11 @@ def prepare() -> None:
 
 
 def go_before_others() -> None:
-    """Before all that is ordinary, where the system allows it; `Turns` bounds what that takes."""
+    """Before all that is ordinary, where the system allows it; `Turns` bounds what that takes.
+
+    Where memory runs out it goes before the loop.
+    """
+    be_ended_sooner(GATEWAY_OOM)
     if set_fifo(PRIORITY):
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE)

@@ -6,6 +6,8 @@ import os
 import sys
 from multiprocessing.connection import Connection
 
+from seod.processes.realtime import OTHERS_OOM, be_ended_sooner
+
 NICE = 5
 """Below the gateway: whoever waits for it loses nothing."""
 
@@ -30,6 +32,7 @@ def serve(link: Connection) -> None:
 
 def main() -> int:
     """Entry point."""
+    be_ended_sooner(OTHERS_OOM)
     os.nice(NICE)
     with Connection(int(sys.argv[1])) as link:
         try:

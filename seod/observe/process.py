@@ -21,6 +21,7 @@ from seod.observe.observer import Observer
 from seod.observe.recording import Recording
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd
 from seod.processes.link import Link
+from seod.processes.realtime import GATEWAY_OOM, be_ended_sooner
 from seod.processes.ring import Shared, Word
 from seod.record.errors import BusLogError
 from seod.record.opening import open_bus_log, open_recorder
@@ -86,9 +87,10 @@ def clock_of(config: RigConfig, shared: Shared) -> Callable[[], float]:
 
 
 def leave_realtime() -> None:
-    """Run at ordinary priority, whatever was inherited: this must never hold up the loop."""
+    """Run at ordinary priority, whatever was inherited: it must hold up no loop, nor take its memory."""
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    be_ended_sooner(GATEWAY_OOM)
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, NICE)
 

@@ -19,6 +19,7 @@ from seod.panel.app import make_app
 from seod.panel.panel import Panel
 from seod.panel.scpi_rig import scpi_device
 from seod.processes.handover import ChildArguments, die_with_parent, read_memfd, send_json
+from seod.processes.realtime import OTHERS_OOM, be_ended_sooner
 from seod.processes.ring import Shared
 from seod.scpi.server import ScpiServer
 
@@ -177,6 +178,7 @@ def main() -> int:
     """Entry point of the panel's process."""
     arguments = ChildArguments.from_argv()
     die_with_parent(arguments.supervisor_pid)
+    be_ended_sooner(OTHERS_OOM)
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, NICE)
     with socket.socket(fileno=arguments.supervisor_fd) as link:

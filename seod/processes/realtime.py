@@ -5,6 +5,7 @@ Standard library only: the supervisor imports it.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import os
@@ -13,6 +14,11 @@ from pathlib import Path
 PR_SET_TIMERSLACK = 29
 MCL_CURRENT_AND_FUTURE = 3
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
+OOM_SCORE = Path("/proc/self/oom_score_adj")
+GATEWAY_OOM, OTHERS_OOM = 400, 800
+"""Added to what the kernel reckons [thousandths of the memory there is]: all map the loop's ring, so size
+does not order them. A gateway or an observing process that is ended stops the rig; of the others none does.
+"""
 
 _libc = ctypes.CDLL(None, use_errno=True)
 
@@ -67,6 +73,12 @@ def forbid_deep_sleep() -> str:
     except OSError as error:
         return f"{DMA_LATENCY} refused ({error.strerror}): deep sleep states may add lateness"
     return ""
+
+
+def be_ended_sooner(score: int) -> None:
+    """Where memory runs out the kernel ends this process, and what it starts, before the loop."""
+    with contextlib.suppress(OSError):
+        OOM_SCORE.write_text(f"{score}\n")
 
 
 def freeze_collector() -> None:

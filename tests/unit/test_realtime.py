@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 from seod.processes import realtime
@@ -42,3 +44,17 @@ def test_sleep_states_are_forbidden_where_there_are_any(
     folder.mkdir()
     monkeypatch.setattr(realtime, "DMA_LATENCY", folder)
     assert "refused (Is a directory)" in realtime.forbid_deep_sleep()
+
+
+def test_where_memory_runs_out_a_process_and_its_children_go_before_the_loop() -> None:
+    code = (
+        "import subprocess; from seod.processes.realtime import OTHERS_OOM, be_ended_sooner;"
+        "be_ended_sooner(OTHERS_OOM); subprocess.run(['cat', '/proc/self/oom_score_adj'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert int(done.stdout) == realtime.OTHERS_OOM > realtime.GATEWAY_OOM > 0
+
+
+def test_a_system_without_such_scores_goes_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(realtime, "OOM_SCORE", tmp_path / "none" / "score")
+    realtime.be_ended_sooner(800)

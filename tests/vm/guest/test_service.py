@@ -154,3 +154,50 @@ def test_two_rigs_on_one_machine(unit: Rpc) -> None:
     other.close()
     systemctl("stop", SECOND)
     assert unit.call("status")["health"]["ticks"] > 0
+
+
+def processes(cgroup: Path) -> dict[str, str]:
+    """Modules and process ids of the daemon's parts."""
+    found = {}
+    for pid in (cgroup / "cgroup.procs").read_text().split():
+        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        found[words[words.index("-m") + 1] if "-m" in words else words[0]] = pid
+    return found
+
+
+HOG = """
+import os, sys, time
+open(sys.argv[1], "w").write(str(os.getpid()))
+open("/proc/self/oom_score_adj", "w").write("-1000")
+held = bytearray(int(sys.argv[2]))
+held[::4096] = b"1" * len(held[::4096])
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+def test_where_memory_runs_out_the_loop_and_the_supervisor_stay(unit: Rpc) -> None:
+    cgroup = Path("/sys/fs/cgroup") / show("ControlGroup").lstrip("/")
+    before, main = processes(cgroup), show("MainPID")
+    in_use = int((cgroup / "memory.current").read_text())
+    limit = in_use + (16 << 20)
+    systemctl("set-property", "--runtime", UNIT, f"MemoryMax={limit}", "MemorySwapMax=0")
+    hog = subprocess.Popen([sys.executable, "-c", HOG, cgroup / "cgroup.procs", str(48 << 20)])
+    try:
+        ended = lambda: [name for name, pid in before.items() if not Path(f"/proc/{pid}").exists()]  # noqa: E731
+        until("somebody's end", ended, SLOW_S)
+        assert "oom_kill 0" not in (cgroup / "memory.events").read_text().splitlines()
+    finally:
+        hog.kill()
+        hog.wait()
+        systemctl("set-property", "--runtime", UNIT, "MemoryMax=infinity")
+    after = until(
+        "all parts again", lambda: (now := processes(cgroup)).keys() >= before.keys() and now, SLOW_S
+    )
+    assert after["seod.loop"] == before["seod.loop"]
+    assert (show("MainPID"), show("NRestarts")) == (main, "0")
+    until("the port", lambda: port_open(PORT), SLOW_S)
+    again = Rpc(PORT)
+    ticks = again.call("status")["health"]["ticks"]
+    until("ticks that go on", lambda: again.call("status")["health"]["ticks"] > ticks)
+    again.close()
