@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from seod.processes.ring import Word
+from seod.processes.ring import OVERTAKEN, TOO_OLD, Word
 from seod.protocol.jsonrpc import NO_ANSWER, REFUSED, RpcError
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ RESTART_S = 20.0
 """A new loop must tick within this time after a reset asked for it."""
 MAX_WAITING = 16
 """Commands in the ring; a small part of it, so that none is overwritten before the loop reads it."""
-OVERTAKEN = "an e-stop came after it: nothing that was asked before is carried out"
 
 
 class Mailbox:
@@ -88,9 +87,10 @@ class Mailbox:
         """Send one command and wait until the loop has carried it out.
 
         Raises:
-            RpcError: REFUSED with the loop's reason, or because of an e-stop meanwhile; NO_ANSWER.
+            RpcError: REFUSED with the loop's reason, or because of an e-stop, or before a reset of a fault,
+                meanwhile; NO_ANSWER.
         """
-        estops = self.estops
+        estops, faults = self.estops, self._words[Word.FAULTS]
         await self._first_tick()
         async with self._room:
             await self._no_estop_under_way()
@@ -98,6 +98,8 @@ class Mailbox:
                 raise self._no_loop()
             if estops != self.estops:
                 raise RpcError(REFUSED, OVERTAKEN)
+            if op == "reset" and faults != self._words[Word.FAULTS]:
+                raise RpcError(REFUSED, TOO_OLD)
             number = self._put(op, axis, values or {})
             future = self._waiting[number] = asyncio.get_running_loop().create_future()
             try:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from seod.config.model import METHODS
 from seod.config.settings import LOOP_SETTINGS, refusal
 from seod.gateway.hub import keys_of
-from seod.gateway.mailbox import OVERTAKEN
 from seod.gateway.params import (
     TOPICS,
     AuthenticateParams,
@@ -25,7 +24,7 @@ from seod.gateway.params import (
     in_si,
     read_params,
 )
-from seod.processes.ring import bin_edges_us
+from seod.processes.ring import OVERTAKEN, bin_edges_us
 from seod.protocol.jsonrpc import (
     BUSY,
     INVALID_PARAMS,

@@ -24,7 +24,7 @@ from seod.loop.rowlog import RowLog
 from seod.loop.signals import Signals
 from seod.loop.turns import Turns
 from seod.loop.validity import make_gates, pass_valid
-from seod.processes.ring import AxisState, Word
+from seod.processes.ring import OVERTAKEN, TOO_OLD, AxisState, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -44,7 +44,6 @@ FINAL_NEUTRALS, FINAL_S = 5, 0.02
 """At its end the loop repeats neutral so often at least, and for so long [s]."""
 COMMANDS_A_TICK = 4
 """Most commands carried out in one tick: a flood of them, 20 us each, must not make it late."""
-OVERTAKEN = "an e-stop came after it: nothing that was asked before is carried out"
 
 
 class Loop:
@@ -106,6 +105,8 @@ class Loop:
         self.trouble = ""
         self.samples: Sequence[Sample] = ()
         self.turns = Turns(config.excitation.turn)
+        self.faulted_at = dict.fromkeys(config.axes, 0)
+        """Commands that had been asked for when each axis went into fault, by their count."""
         self.log = RowLog(shared, self.axes)
         self.meter = TickMeter(shared, driver, self.period)
         self.in_force = pacer.now(), [0.0] * len(self.axes)
@@ -228,8 +229,9 @@ class Loop:
         self.shared.words[Word.ESTOPS_OBEYED] = self.estops
 
     def go_on_alone(self, t: float) -> None:
-        """The gateway is gone: nobody can stop the rig over TCP any more."""
+        """The gateway is gone: nobody can stop the rig over TCP any more, or see what was still asked for."""
         self.gateway_lost = False
+        self.shared.commands.skip_to_head()
         why = "the gateway process died or hung: nobody could stop the rig over TCP"
         if self.config.guard.gateway_lost == "stop":
             self.pending = Trip("gateway_died", why)
@@ -260,10 +262,17 @@ class Loop:
             for axis in chosen:
                 axis.course.stop(t)
         elif op == "reset":
-            for axis in chosen:
-                axis.course.reset(t)
+            return self.reset(t, chosen)
         else:
             return self.adjust(t, chosen, op, message["values"])
+        return None
+
+    def reset(self, t: float, chosen: list[Axis]) -> str | None:
+        """Leave the faults that were there when it was asked for; returns why not."""
+        if any(self.shared.commands.tail <= self.faulted_at[axis.name] for axis in chosen):
+            return TOO_OLD
+        for axis in chosen:
+            axis.course.reset(t)
         return None
 
     def adjust(self, t: float, chosen: list[Axis], op: str, values: dict[str, float]) -> str | None:
@@ -310,8 +319,10 @@ class Loop:
         if latched:
             told = events.fault(t, axis.name if axis else None, [each.name for each in latched], trip)
             self.shared.events.put(told)
+            self.shared.words[Word.FAULTS] += 1
         for each in latched:
             each.fault(t, trip)
+            self.faulted_at[each.name] = self.shared.commands.head[0]
 
     def estop(self, t: float) -> Trip | None:
         """Why the e-stop lines do not allow movement; where all is silent, that is the reason told."""

@@ -65,7 +65,14 @@ class Word:
     """Turns of the gateway; the supervisor's proof that somebody could stop the rig over TCP (gateway)."""
     OBSERVER_BEAT = 27
     """Turns of the process that estimates; the gateway's proof of life (it)."""
+    FAULTS = 28
+    """Faults latched so far: a reset that was asked for before one does not leave it (loop)."""
     WORDS = 32
+
+
+OVERTAKEN = "an e-stop came after it: nothing that was asked before is carried out"
+TOO_OLD = "a fault came after this reset was asked for: see what it was, then reset"
+"""Why loop or gateway refuse a command, whoever of them finds it."""
 
 
 class AxisState(IntEnum):

@@ -69,6 +69,7 @@ class Checks:
         self.checked = 0
         self.neutral_by: list[tuple[float, str, int]] = []
         system.loop_made = self._loop_made
+        system.mailbox_made = self._mailbox_made
         system.bus.on_command = self._on_command
         system.network.on_bytes = self._on_bytes
         world.after_step = self._step
@@ -85,15 +86,31 @@ class Checks:
     def _loop_made(self, loop: Any) -> Any:
         process = self.world.me().process
         seen = self.seen = LoopSeen(loop, process)
-        tick = loop.tick
+        tick, fault = loop.tick, loop.fault
 
         def ticked(t: float) -> None:
             tick(t)
             self._ticked(seen, t)
 
-        loop.tick = ticked
+        def faulted(t: float, *rest: Any) -> None:
+            if any(axis.course.state is not AxisState.FAULT for axis in loop.axes):
+                self.resets_at_fault, self.starts_at_fault = self.resets, self.starts
+            fault(t, *rest)
+
+        loop.tick, loop.fault = ticked, faulted
         process.deaths.append(lambda: self._loop_ended(seen))
         return loop
+
+    def _mailbox_made(self, mailbox: Any) -> Any:
+        """Resets count from when the gateway begins them: before, it cannot know when they were asked for."""
+        post = mailbox.post
+
+        async def posted(op: str, *rest: Any) -> None:
+            self.resets += op == "reset"
+            await post(op, *rest)
+
+        mailbox.post = posted
+        return mailbox
 
     def _loop_ended(self, seen: LoopSeen) -> None:
         self.loop_lost_at = self.world.now
@@ -102,7 +119,6 @@ class Checks:
         self._count(seen)
 
     def _on_bytes(self, data: bytes) -> None:
-        self.resets += data.count(b'"reset"')
         self.starts += data.count(b'"start"') + data.count(b'"drive"')
         if b'"estop"' in data:
             self._estop_asked()
@@ -173,11 +189,8 @@ class Checks:
 
     def _latched(self, seen: LoopSeen, place: int, state: AxisState) -> None:
         before, seen.states[place] = seen.states[place], state
-        if state is AxisState.FAULT and before is not AxisState.FAULT:
-            self.resets_at_fault, self.starts_at_fault = self.resets, self.starts
-        elif (
-            before is AxisState.FAULT and state is not AxisState.FAULT and self.resets == self.resets_at_fault
-        ):
+        left = before is AxisState.FAULT and state is not AxisState.FAULT
+        if left and self.resets == self.resets_at_fault:
             self.world.fail("a fault was left, and nobody asked for a reset")
 
     def _conditions(self, seen: LoopSeen, t: float, active: bool) -> None:

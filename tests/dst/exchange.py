@@ -17,6 +17,7 @@ import drivers.clock
 import drivers.neutral
 import drivers.serial
 import drivers.serial_link
+import seod.gateway.desk
 import seod.gateway.process
 import seod.gateway.server
 import seod.gateway.turns
@@ -75,6 +76,7 @@ class System:
         )
         self.notified: list[str] = []
         self.loop_made: Callable[[Any], Any] = lambda loop: loop
+        self.mailbox_made: Callable[[Any], Any] = lambda mailbox: mailbox
 
     def _create(self, path: Path) -> int:
         fd = create_recording(path)
@@ -175,6 +177,8 @@ class System:
             yield module, "POLL_S", TICK_S
         make = seod.loop.process.Loop
         yield seod.loop.process, "Loop", lambda *arguments: self.loop_made(make(*arguments))
+        make_mailbox = seod.gateway.desk.Mailbox
+        yield seod.gateway.desk, "Mailbox", lambda *arguments: self.mailbox_made(make_mailbox(*arguments))
         yield drivers.clock.StampClock.__init__, "__defaults__", (self.time.time, True)
         yield seod.record.disk, "create_recording", self._create
         yield seod.record.recorder.McapRecorder.__init__, "__defaults__", (self.time.monotonic,)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from drivers.base import StampError
-from seod.loop.guard import SupervisorGuard
+from seod.loop.guard import SupervisorGuard, Trip
 from seod.loop.meter import COUNTERS_EVERY
 from seod.observe.health import Health
 from seod.processes.ring import FLAG_EXCITING, AxisState, Word
@@ -479,6 +479,39 @@ def test_how_far_stamps_may_be_off_is_in_the_health_message(bench: Callable[...,
     b.run(2 * COUNTERS_EVERY * PERIOD)
     told = Health(b.shared).loop(0.0, [])
     assert (told["stamp_common_sd_s"], told["stamp_scatter_sd_s"]) == (2e-4, 1.5e-3)
+
+
+def asked(rig: Bench, op: str, count: int = 1) -> int:
+    """Put commands into the mailbox without a tick; the id of the last one."""
+    for _ in range(count):
+        rig.ids += 1
+        rig.shared.commands.put({"id": rig.ids, "op": op, "axis": None, "values": {}})
+    return rig.ids
+
+
+def test_a_reset_asked_for_before_a_fault_does_not_leave_it(bench: Callable[..., Bench]) -> None:
+    rig = bench()
+    rig.call("start")
+    rig.run(1.0)
+    asked(rig, "keepalive", 40)
+    early = asked(rig, "reset")
+    rig.loop.pending = Trip("link", "the rig cannot be reached")
+    rig.run(20 * PERIOD)
+    (reply,) = [e for e in rig.take("reply") if e["id"] == early]
+    assert reply["error"] == "a fault came after this reset was asked for: see what it was, then reset"
+    assert rig.state is AxisState.FAULT
+    assert rig.call("reset") is None
+    assert rig.state is AxisState.IDLE
+
+
+def test_what_a_lost_gateway_still_asked_for_is_not_done(bench: Callable[..., Bench]) -> None:
+    rig = bench({"guard": {"gateway_lost": "hold"}})
+    rig.run(0.1)
+    asked(rig, "start")
+    rig.loop.gateway_lost = True
+    rig.run(0.1)
+    assert rig.state is AxisState.IDLE
+    assert rig.call("start") is None
 
 
 def test_unknown_command_is_answered(bench: Callable[..., Bench]) -> None:
