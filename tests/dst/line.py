@@ -130,6 +130,8 @@ class Port(End):
             raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
         self.world.note(f"{self.process.name} writes {data[:taken].hex()}")
         for kind, _, body in self._out.feed(data[:taken]):
+            if kind == ASK:
+                self.samples = 0  # of a board that still ran: they are not used
             if kind == COMMAND:
                 self.commands += 1
                 self.line.on_command(self, command(body))
@@ -153,7 +155,7 @@ class Port(End):
         if counters[count.REOPENED] or counters[count.HANDSHAKES] > 1:
             return ""
         told = counters[count.SAMPLES] + counters[count.REPEATED]
-        # one is in hand; those that came before the board heard ASK are not used
+        # one is in hand; those that were on their way while the board heard ASK are not used
         if not 0 <= self.samples - told <= 4:
             return f"{self.samples} samples were read, the counters add up to {told}"
         if self.commands > counters[count.COMMANDS] + 1:
