@@ -103,6 +103,7 @@ class Port(End):
         self.process.held.append(self)
         self.told = False
         self.commands = self.samples = 0
+        self.started = self.asked_again = False
         self._out, self._in = Stream(), Stream()
         line.ports.append(self)
 
@@ -130,8 +131,10 @@ class Port(End):
             raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
         self.world.note(f"{self.process.name} writes {data[:taken].hex()}")
         for kind, _, body in self._out.feed(data[:taken]):
-            if kind == ASK:
+            if kind == ASK and not self.started:
                 self.samples = 0  # of a board that still ran: they are not used
+            self.asked_again |= kind == ASK and self.started
+            self.started |= kind == START
             if kind == COMMAND:
                 self.commands += 1
                 self.line.on_command(self, command(body))
@@ -152,7 +155,7 @@ class Port(End):
 
     def miscount(self, counters: list[int]) -> str:
         """What the driver's counters tell wrong ("" where nothing)."""
-        if counters[count.REOPENED] or counters[count.HANDSHAKES] > 1:
+        if counters[count.REOPENED] or self.asked_again:
             return ""
         told = counters[count.SAMPLES] + counters[count.REPEATED]
         # one is in hand; those that were on their way while the board heard ASK are not used

@@ -41,11 +41,7 @@ class SimLoop(asyncio.BaseEventLoop):
         """As a selector: what may be called now."""
         ends = [self.nudge, *self._readers]
         if (timeout is None or timeout > 0) and not any(end.readable() for end in ends):
-            asyncio._set_running_loop(None)  # that of another gateway may run meanwhile
-            try:
-                self.world.block(math.inf if timeout is None else self.world.now + timeout, ends)
-            finally:
-                asyncio._set_running_loop(self)
+            self.world.block(math.inf if timeout is None else self.world.now + timeout, ends)
         elif self.process.pending:
             self.world.block(self.world.now)
         self.world.me()

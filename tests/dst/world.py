@@ -6,6 +6,7 @@ there it can be preempted, stopped or killed. Nothing here knows what the proces
 
 from __future__ import annotations
 
+import asyncio
 import heapq
 import math
 import signal
@@ -242,6 +243,7 @@ class World:
 
     def _switch(self, task: Task, throw: bool = False) -> None:
         before, self.current = self.current, task
+        loop = asyncio._get_running_loop()  # of a process that kills another
         try:
             if throw:
                 task.greenlet.throw(Dead)
@@ -249,6 +251,7 @@ class World:
                 task.greenlet.switch()
         finally:
             self.current = before
+            asyncio._set_running_loop(loop)
 
     def me(self) -> Task:
         """Whose code runs.
@@ -277,7 +280,12 @@ class World:
                 token = task.token
                 late = process.rng.uniform(*process.latency)
                 self.at(until + late, lambda: self._resume(task, token))
-            self.hub.switch()
+            loop = asyncio._get_running_loop()
+            asyncio._set_running_loop(None)  # that of another gateway may run meanwhile
+            try:
+                self.hub.switch()
+            finally:
+                asyncio._set_running_loop(loop)
             if process.code is not None:
                 raise Dead
         if process.pending and task is process.tasks[0]:
