@@ -5,6 +5,7 @@ import pytest
 from fake_loop import eventually, peer, running
 
 from seod.gateway.connection import UNDER_WAY
+from seod.processes.ring import Word
 from seod.protocol.jsonrpc import INVALID_PARAMS, MAX_LINE, NO_ANSWER, REFUSED
 
 
@@ -162,6 +163,18 @@ async def test_a_command_waits_for_a_loop_that_is_about_to_start():
         assert (await client.read())["id"] == 2  # the first waits
         run.loop.row()
         assert (await client.read()) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
+
+
+async def test_a_reset_that_waits_does_not_leave_a_fault_that_came_meanwhile():
+    async with running(started=False) as run, peer(run) as client:
+        await client.send(b'{"jsonrpc":"2.0","id":1,"method":"reset"}\n')
+        await client.call("list")
+        run.loop.shared.words[Word.FAULTS] += 1
+        run.loop.row()
+        (answer,) = [reply for reply in [await client.read()] if reply["id"] == 1]
+        assert "a fault came after this reset was asked for" in answer["error"]["message"]
+        assert not run.loop.taken
+        assert (await client.call("reset")) == {"ok": True}
 
 
 @pytest.mark.slow
