@@ -237,7 +237,8 @@ def test_stamps_that_scatter_much_are_told():
 
 
 @pytest.mark.parametrize(
-    ("quality", "told"), [("ok", "noisy"), ("nonlinear", "noisy"), ("fault", "fault"), ("settling", "settling")]
+    ("quality", "told"),
+    [("ok", "noisy"), ("nonlinear", "noisy"), ("fault", "fault"), ("settling", "settling")],
 )
 def test_what_repeats_under_stamps_that_scatter_is_no_nonlinear_plant(quality, told):
     answer = Estimate(1.0, "wave", quality, 0.21, 1e-4, 117.0, 0.01, frequency=115.0)
