@@ -156,15 +156,19 @@ class Physics:
     def steady(self, speed: float) -> Steady:
         """At this speed [unit/s], by Newton's method.
 
+        Leakage between unequal chambers moves a load too: it may go as fast with its chambers nearly empty,
+        and is then slowed by a valve that opens. Of two such states this is the one under more pressure.
+
         Raises:
             ValueError: The supply cannot move the load so.
         """
-        found = self._newton(self._guess(speed, speed >= 0.0), speed)
-        if found is None:  # leakage may keep the valve open the other way
-            found = self._newton(self._guess(speed, speed < 0.0), speed)
-        if found is None:
+        guesses = [guess for forth in (True, False) if (guess := self._guess(speed, forth)) is not None]
+        if not guesses:
+            raise ValueError(f"no steady state at {speed:g} unit/s: the load asks for more than the supply")
+        states = [state for guess in guesses if (state := self._newton(guess, speed)) is not None]
+        if not states:
             raise ValueError(f"no steady state at {speed:g} unit/s: the supply cannot move the load so")
-        return found
+        return max(states, key=lambda state: state.pressure_a + state.pressure_b)
 
     def _newton(self, x: Matrix, speed: float) -> Steady | None:
         """The steady state that is reached from opening, pa, pb and ps in `x`; None: none is."""
@@ -203,8 +207,8 @@ class Physics:
                 return self._found(x, speed, float(self.ports(*x)[0][2]))
         return None
 
-    def _guess(self, speed: float, forth: bool) -> Matrix:
-        """Opening and pressures of a valve that is open one way; of leakage only what crosses is counted."""
+    def _guess(self, speed: float, forth: bool) -> Matrix | None:
+        """Opening and pressures of a valve open one way, by crossing leakage alone; None: there are none."""
         pushes, yields = (self.area_a, self.area_b) if forth else (self.area_b, self.area_a)
         drag = self.friction(speed)[0] + self.load
         need = drag if forth else -drag
@@ -212,7 +216,7 @@ class Physics:
         r, span = (pushes / yields) ** 2, self.set - self.tank
         p2 = (span - need / pushes) / (r + yields / pushes)
         if not 0.0 < p2 < span:
-            raise ValueError(f"no steady state at {speed:g} unit/s: the load asks for more than the supply")
+            return None
         p1 = (need + yields * p2) / pushes
         flow = abs(speed * yields + self.cross * (p1 - p2))
         o = flow / (self.conductance * math.sqrt(max(p2, 1.0)))

@@ -170,6 +170,17 @@ def test_small_signals_are_what_small_movements_do(base, more, speed):
     assert abs(seen / matrices - 1) < 0.01
 
 
+@pytest.mark.parametrize("leakage", [0.0, 0.7 * LITRE])
+def test_about_rest_a_single_rod_moves_as_its_small_signals_say(leakage):
+    """Leakage between its chambers would let it creep: the valve holds it, and the chambers stay full."""
+    config = plant(ROD, merged(DAMPED, {"valve": {"leakage": leakage}}))
+    small, step = small_signal(record_of(config)), 1e-2
+    t = np.arange(3000) * 1e-3
+    forth, back = (run(config, t, np.full(len(t), small.steady.volts + v))[1] for v in (step, -step))
+    assert (forth["velocity"][-1] - back["velocity"][-1]) / (2.0 * step) == pytest.approx(small.K_L, rel=0.02)
+    assert small.steady.pressure_a == pytest.approx(7e6 / (1.0 + 0.04**2 / (0.04**2 - 0.025**2)), rel=0.01)
+
+
 def test_a_single_rod_extends_faster_than_it_retracts():
     """Without load, through a symmetrical valve: by the root of the areas' ratio."""
     t = np.arange(2000) * 5e-4

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from seod.batch.executor import StoppedError
 from seod.cli import app
-from seod.paper import command, pictures, words
+from seod.paper import command, figures, findings, pictures, words
 from seod.paper.bench import Bench, rig
 from seod.paper.daemon import Daemon, PaperError, middle
 from seod.paper.figures import PRINTED, answer, at_pressure, exponent, figure_4, kept, swept
@@ -32,6 +32,10 @@ POINT = {
     "response_0.1": {**PLANT, "points": {"omega": [10.0, 100.0], "gain": [0.5, 0.4], "phase": [-0.1, -1.5]}},
     "response_0.5": {**PLANT, "points": {"omega": [10.0, 100.0], "gain": [0.5, 0.4], "phase": [-0.1, -1.5]}},
 }
+POINT_OF_MOTOR = {
+    **{name: of for name, of in POINT.items() if not name.startswith("response")},
+    **{f"response_{size}": POINT["response_0.1"] for size in ("0.3", "1.5")},
+}
 LINE = {
     "ps": [5e6, 1e7],
     "zeta": [0.2, 0.3],
@@ -46,9 +50,23 @@ SWEEP = {
     "exponents": {"exact": 0.26},
 }
 ROW = {"small_signal": 0.25, "exact": 0.4, "exact_small": None}
+OVER_SPEED = {name: {"speed": of["ps"], **of} for name, of in SWEEP.items() if "ps" in of}
 NUMBERS = {
+    "4": {
+        "zeta": [0.1, 1.0],
+        "zeta_simulated": [0.2],
+        **{f"{factor}_{by}": [0.9, 1.1] for factor in ("xi", "Gamma") for by in ("exact", "eq8")},
+        "xi_simulated": [1.0], "Gamma_simulated": [1.2], "worst_xi": 0.01, "worst_Gamma": 0.02,
+    },
+    "10": {
+        **{name: [0.0, 1.0] for name in ("t", "speed", "relay_input", "relay_output")},
+        "switches": 9, "speed_noise": 0.2, "cycle_s": 0.1,
+    },
     "11": SWEEP,
+    "12": OVER_SPEED,
+    "13": {"0": POINT_OF_MOTOR, "70": POINT_OF_MOTOR, "133": POINT_OF_MOTOR},
     "14": {"pitch": POINT, "roll": POINT, "printed": PRINTED},
+    "15": SWEEP,
     "exponent": {
         "large": 1.5,
         "small": 0.1,
@@ -145,6 +163,25 @@ def test_parts():
     assert answer([])["quality"] == "no_oscillation"
 
 
+@pytest.fixture
+def short(monkeypatch):
+    """Figures of shorter runs, fewer pressures and mechanisms, by the methods that take no search."""
+    for name in ("SETTLED_S", "STEADY_S", "SWEEP_S"):
+        monkeypatch.setattr(figures, name, 0.3)
+    along, response = figures._along_pressure, Bench.response
+    monkeypatch.setattr(figures, "_along_pressure", lambda bench, ps, *more: along(bench, ps[:3], *more))
+    monkeypatch.setattr(Bench, "response", lambda *at, **of: response(*at, **of, period=0.5))
+    monkeypatch.setattr(figures, "LIVE", ("peaks", "exact"))
+    monkeypatch.setattr(findings, "MECHANISMS", findings.MECHANISMS[:2])
+    monkeypatch.setattr(findings, "AXES", tuple((*of, sizes[:2]) for *of, sizes in findings.AXES))
+
+
+def test_every_figure_is_the_same_numbers_again(short):
+    first = {figure: json.dumps(command.compute(figure)) for figure in command.WEIGHTS}
+    again = {figure: json.dumps(command.compute(figure)) for figure in reversed(command.WEIGHTS)}
+    assert first == again
+
+
 @pytest.fixture(scope="module")
 def fonts(tmp_path_factory):
     """matplotlib opens its fonts once and keeps them."""
@@ -153,6 +190,7 @@ def fonts(tmp_path_factory):
 
 def test_pictures_numbers_and_page_are_the_same_bytes_twice(tmp_path: Path, fonts):
     first, second = (command.write(NUMBERS, tmp_path / name) for name in ("a", "b"))
+    assert set(NUMBERS) == set(command.WEIGHTS)
     assert {path.suffix for path in first} == {".svg", ".png", ".json", ".html"}
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
     assert json.loads((tmp_path / "a" / "paper.json").read_text()) == NUMBERS
