@@ -210,6 +210,9 @@ class Unsigned:
     Chosen."""
     kept: int = 2
     """[plants] From which readings are given a sign. Chosen."""
+    root_steps: int = 40
+    """[steps] Of a fit of the baseline with such a sensor to whole recordings, from each of these. Chosen: it
+    is where the search begins."""
     signed_again: int = 3
     """[-] Times that readings are given the sign of the plant that was fitted to them. Chosen."""
 
