@@ -48,7 +48,10 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> l
         if all(_differ(root, each) for each in found):
             found.append(root)
     unsigned = unsigned_root(base.model, cut, sizes)
-    return found if unsigned is None else [*found, unchanged(unsigned.model, unsigned.x, cut)]
+    if unsigned is None:
+        return found
+    root = unchanged(unsigned.model, unsigned.x, cut)
+    return [*found, root] if root.cost < found[0].cost - SEARCH_ROOTS.shows_no_sign else found
 
 
 def less_damped(root: Fitted) -> Fitted:

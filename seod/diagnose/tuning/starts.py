@@ -168,6 +168,9 @@ class SearchRoots:
     """[-] Squared error of such a plant over the noise's. Chosen."""
     hidden: float = 0.5
     """[-] NRMSE with an offset and a delay over the baseline's, up to which they hid the plant. Chosen."""
+    shows_no_sign: float = 0.3
+    """[-] Mean log squared error that the baseline behind a sensor without sign saves, to be a start: many a
+    position begins at 0 and never goes below. Chosen: a quarter of the squares."""
     as_good: float = 0.1
     """[-] Further mean log error of the one in its place, at most. Chosen: a tenth."""
 
