@@ -19,7 +19,7 @@ static void move_spool(const Plant *p, State *s, double h) {
 }
 
 static double measured(const Plant *p, const State *s) {
-  return rectified(p, p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity));
+  return p->sensor_lag_time > 0.0 ? s->lagged : seen(p, s, s->position, s->velocity);
 }
 
 static double quantized(const Plant *p, double value) {
@@ -68,7 +68,7 @@ static double breaks_away(const Plant *p, const State *s, const double *z, doubl
 static double event(const Plant *p, const State *s, const double *z, double h) {
   double most = -1.0;
   if (s->watch != 0.0) {
-    const double sees = rectified(p, p->sensor_lag_time > 0.0 ? z[LAGGED] : seen(p, s, z[POSITION], z[VELOCITY]));
+    const double sees = p->sensor_lag_time > 0.0 ? z[LAGGED] : seen(p, s, z[POSITION], z[VELOCITY]);
     most = max(most, s->watch * (sees - s->level - s->rate * (s->t + h)));
   }
   if (s->stopped != 0.0 || s->motion == 0.0) return max(most, breaks_away(p, s, z, s->t + h));

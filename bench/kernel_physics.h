@@ -170,7 +170,7 @@ static bool in_contact(const Plant *p, const State *s) {
   return s->motion * (s->position - s->followed) >= half * (1.0 - 1e-9) - rounding;
 }
 
-static double seen(const Plant *p, const State *s, double position, double velocity) {
+static double sensed(const Plant *p, const State *s, double position, double velocity) {
   const double behind = followed(p, s, position);
   if (p->measures_speed == 0.0) return encoded(p, behind);
   if (p->backlash_gap > 0.0 && !in_contact(p, s)) return 0.0;
@@ -183,7 +183,14 @@ static double seen(const Plant *p, const State *s, double position, double veloc
 }
 
 static double rectified(const Plant *p, double value) {
+  const double range = p->rectified_sensor_range;
+  if (p->rectified_sensor_power != 1.0)
+    value = copysign(range * pow(fabs(value) / range, p->rectified_sensor_power), value);
   return value >= 0.0 ? value : (1.0 - 2.0 * p->rectified_sensor_part) * value;
+}
+
+static double seen(const Plant *p, const State *s, double position, double velocity) {
+  return rectified(p, sensed(p, s, position, velocity));
 }
 
 static void rates(const Plant *p, const State *s, const double *z, double t, double opened, double *d) {

@@ -296,8 +296,12 @@ _ALL = (
     Effect(
         "rectified_sensor",
         "sensor",
-        "A sensor that knows no sign: pulses are counted, a voltage is rectified.",
-        (Parameter("part", "1", 0.0, 0.0, 2.0, "below 0 it shows (1 - 2 part) y; 1: the absolute value"),),
+        "A sensor that knows no sign: pulses are counted, a voltage is rectified, a pressure drop is seen.",
+        (
+            Parameter("part", "1", 0.0, 0.0, 2.0, "below 0 it shows (1 - 2 part) y; 1: the absolute value"),
+            Parameter("power", "1", 1.0, 0.5, 3.0, "times |y / range| to this less one; 2: the square"),
+            Parameter("range", "unit (unit/s for a speed)", 1.0, NEAR, FAR, "where any power shows the same"),
+        ),
         "While the reading keeps its sign a turned sensor, or nothing.",
     ),
     Effect(

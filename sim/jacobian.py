@@ -135,7 +135,9 @@ def _bend(p: Mapping[str, float], position: float) -> tuple[float, float, float]
 
 def _shown(p: Mapping[str, float], seen: float) -> float:
     """Slope of what the sensor shows over what it sees."""
-    return 1.0 if seen >= 0.0 else 1.0 - 2.0 * p["rectified_sensor_part"]
+    slope = 1.0 if seen >= 0.0 else 1.0 - 2.0 * p["rectified_sensor_part"]
+    power = p["rectified_sensor_power"]
+    return slope if power == 1.0 else slope * power * abs(seen / p["rectified_sensor_range"]) ** (power - 1.0)
 
 
 def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matrix]:

@@ -46,8 +46,7 @@ def move_spool(p: Record, s: Record, h: float) -> None:
 @compiled
 def measured(p: Record, s: Record) -> float:
     """What the sensor sees now, before noise and quantisation [unit, or unit/s]."""
-    seen = s.lagged if p.sensor_lag_time > 0.0 else physics.seen(p, s, s.position, s.velocity)
-    return physics.rectified(p, seen)
+    return s.lagged if p.sensor_lag_time > 0.0 else physics.seen(p, s, s.position, s.velocity)
 
 
 @compiled
@@ -132,7 +131,7 @@ def _event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
     most = -1.0
     if s.watch != 0.0:
         seen = z[6] if p.sensor_lag_time > 0.0 else physics.seen(p, s, z[2], z[1])
-        most = max(most, s.watch * (physics.rectified(p, seen) - s.level - s.rate * (s.t + h)))
+        most = max(most, s.watch * (seen - s.level - s.rate * (s.t + h)))
     if s.stopped != 0.0 or s.motion == 0.0:
         return max(most, _breaks_away(p, s, z, s.t + h))
     if physics.dry_friction(p) or p.backlash_gap > 0.0 or p.lugre_friction_stiffness > 0.0:

@@ -290,8 +290,8 @@ def encoded(p: Record, position: float) -> float:
 
 
 @compiled
-def seen(p: Record, s: Record, position: float, velocity: float) -> float:
-    """What the sensor sees without its lag [unit, or unit/s]."""
+def sensed(p: Record, s: Record, position: float, velocity: float) -> float:
+    """What the sensor sees, its sign included [unit, or unit/s]."""
     behind = followed(p, s, position)
     if not p.measures_speed:
         return encoded(p, behind)
@@ -307,4 +307,13 @@ def seen(p: Record, s: Record, position: float, velocity: float) -> float:
 @compiled
 def rectified(p: Record, value: float) -> float:
     """What the sensor shows of a value that it sees [unit, or unit/s]."""
+    if p.rectified_sensor_power != 1.0:
+        bent = p.rectified_sensor_range * (abs(value) / p.rectified_sensor_range) ** p.rectified_sensor_power
+        value = math.copysign(bent, value)
     return value if value >= 0.0 else (1.0 - 2.0 * p.rectified_sensor_part) * value
+
+
+@compiled
+def seen(p: Record, s: Record, position: float, velocity: float) -> float:
+    """What the sensor shows without its lag [unit, or unit/s]."""
+    return rectified(p, sensed(p, s, position, velocity))

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim import kernel
 from sim.compiled import Record, compiled
-from sim.physics import spool_moves, swings
+from sim.physics import rectified, spool_moves, swings
 from sim.state import STATE, new_state
 
 if TYPE_CHECKING:
@@ -113,7 +113,9 @@ class Plant:
         for name in ("position2", "followed"):
             state[name] += by
         if not self._record["measures_speed"][0]:
-            state["lagged"] += by
+            state["lagged"] += rectified(self._record[0], position) - rectified(
+                self._record[0], state["position"]
+            )
         state["position"], state["stopped"] = position, 0.0
 
     @property

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.compiled import Record, compiled
-from sim.physics import dry_friction, encoded
+from sim.physics import dry_friction, encoded, rectified
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -63,7 +63,7 @@ def rest(p: Record, s: Record, t: float, position: float) -> None:
     s.watch = s.passed = 0.0
     s.reading, s.taken = 0.0, -math.inf
     s.followed = position
-    s.lagged = 0.0 if p.measures_speed else encoded(p, position)
+    s.lagged = 0.0 if p.measures_speed else rectified(p, encoded(p, position))
 
 
 def new_state(record: npt.NDArray[np.void], t: float = 0.0, position: float = 0.0) -> npt.NDArray[np.void]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.compiled import Record, compiled, inlined
 from sim.kernel import advance, command, measured, move_spool
-from sim.physics import dry_friction, encoded, friction_level, spool_forgets
+from sim.physics import dry_friction, encoded, friction_level, rectified, spool_forgets
 from sim.runs import condition
 
 Array = np.ndarray
@@ -135,7 +135,7 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
     steady = s.velocity - p.sensor_lag_time * s.pressure
     if not p.measures_speed:
         steady = encoded(p, s.followed) - p.sensor_lag_time * s.velocity
-    s.lagged = steady + start[5]
+    s.lagged = rectified(p, steady) + start[5]
 
 
 @inlined

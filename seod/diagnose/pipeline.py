@@ -25,7 +25,7 @@ from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form
 from seod.diagnose.record.column_checks import different_units, gain_remarks
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, segments, whole_windows
+from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, fitted_windows, whole_windows
 from seod.diagnose.result import RELEVANCE, Common, DiagnoseError
 from seod.diagnose.search.beam import grow
 from seod.diagnose.search.budget import Budget
@@ -235,7 +235,7 @@ def _start(every: Sequence[Series], way: _Way) -> _Start:
 
 
 def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
-    small = segments(to_fit)
+    small = fitted_windows(to_fit)
     screened = screen(small, way.parallel, way.budget)
     begun = baseline(screened.cut, way.sees_speed, way.fixed.effects, way.parallel, way.fixed.gain)
     first = begun.best
@@ -253,7 +253,7 @@ def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
 
 def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Searched:
     to_fit, held_out, screened, begun, base = start
-    small, progress = segments(to_fit), way.progress
+    small, progress = fitted_windows(to_fit), way.progress
     begun = hidden_by_offset(begun, base, closed)
     near = begun.closed or begun.near
     sizes = replace(scales(near, near.cut), given=way.fixed.given)
@@ -273,7 +273,7 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
 
 def _common(start: _Start, way: _Way, closed: ClosedForm) -> Common:
     """Eq. 1 with what every user would give it: a constant offset of u, or of a speed y, and a delay."""
-    base, small = start.base.found, segments(start.to_fit)
+    base, small = start.base.found, fitted_windows(start.to_fit)
     sizes = replace(scales(base, base.cut), given=way.fixed.given)
     begins = (
         [base.model.values(base.x), dict(closed.values)] if closed.values else [base.model.values(base.x)]

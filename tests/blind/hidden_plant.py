@@ -70,6 +70,8 @@ DEFAULTS = {
     "sensor_lag": 0.0,
     "count": 0.0,
     "folded": 0.0,  # of what is below 0 this part comes back twice with the other sign
+    "law": 1.0,  # the sensor shows this power of what it sees, over `law_at`
+    "law_at": 1.0,
     "keeps": 0.0,  # [s] for which a reading is repeated
     "drift_gain": 0.0,
     "drift_omega": 0.0,
@@ -193,6 +195,13 @@ def friction(p, m, w, d):
 
 
 @njit(cache=True, error_model="numpy")
+def unsigned(p, value):
+    """What a sensor that has lost the sign, or follows another law, makes of what it sees."""
+    folded = abs(value) if value > 0.0 else (2.0 * p.folded - 1.0) * abs(value)
+    return folded * math.pow(abs(value) / p.law_at, p.law - 1.0) if value != 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def slope(p, m, t, w, supply, gust, d):
     d[:] = 0.0
     if p.spool_omega > 0.0 and math.isinf(p.slew):
@@ -209,7 +218,7 @@ def slope(p, m, t, w, supply, gust, d):
         shaft = p.shaft * (w[ANGLE] - w[ANGLE2]) + p.shaft_damping * (w[SPEED] - w[SPEED2])
         d[SPEED2], d[ANGLE2] = shaft / p.inertia2, w[SPEED2]
     if p.sensor_lag > 0.0:
-        d[LAGGED] = (seen(p, m, w) - w[LAGGED]) / p.sensor_lag
+        d[LAGGED] = (unsigned(p, seen(p, m, w)) - w[LAGGED]) / p.sensor_lag
 
 
 @njit(cache=True, error_model="numpy")
@@ -305,8 +314,7 @@ def driven(p, m, w, t, u, given, made, until, latency, longest, supply, gust, k4
 
 @njit(cache=True, error_model="numpy")
 def shown(p, m, w, noise):
-    value = w[LAGGED] if p.sensor_lag > 0.0 else seen(p, m, w)
-    value += noise - 2.0 * p.folded * min(value, 0.0)
+    value = (w[LAGGED] if p.sensor_lag > 0.0 else unsigned(p, seen(p, m, w))) + noise
     return math.floor(value / p.count + 0.5) * p.count if p.count > 0.0 else value
 
 

@@ -46,7 +46,7 @@ VALVE = {
     },
     "sensor_lag": {"time": "sensor_lag"},
     "sensor_quantization": {"step": "count"},
-    "rectified_sensor": {"part": "folded"},
+    "rectified_sensor": {"part": "folded", "power": "law", "range": "law_at"},
     "held_readings": {"time": "keeps"},
     "parameter_drift": {"K_L": "drift_gain", "omega_n": "drift_omega", "zeta": "drift_zeta"},
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hidden_drives import make_drive
-from hidden_rig import Rig, simulate
+from hidden_rig import GIVEN, Drive, Rig, simulate
 
 from seod.data import Recording
 from seod.diagnose.pipeline import Options, diagnose
@@ -70,3 +70,40 @@ def test_beside_them_friction_is_found_as_ever():
 def test_a_coarse_sensor_that_repeats_its_readings_has_both():
     effects = {"held_readings": {"time": 5e-3}, "sensor_quantization": {"step": 2e-3}}
     check(told_of(effects, "multisine", sees_speed=False), "held_readings", "sensor_quantization")
+
+
+def test_the_square_of_a_speed_is_named_with_its_power():
+    told = told_of(
+        {"rectified_sensor": {"part": 1.0, "power": 2.0, "range": 15.0}}, "multisine", sees_speed=True
+    )
+    assert (told["verdict"], [each["name"] for each in told["effects"]]) == ("effects", ["rectified_sensor"])
+    power = told["effects"][0]["parameters"]["power"]
+    assert power["value"] == pytest.approx(2.0, abs=0.02)
+    assert power["ci95"][0] < 2.0 < power["ci95"][1]
+    extended = told["extended"]
+    assert (extended["omega_n"], extended["zeta"]) == pytest.approx(PLANT[1:], rel=0.02)
+    assert extended["holdout_nrmse"] < 1.1 * told["noise_floor_nrmse"]
+
+
+def test_a_few_hundred_rows_behind_such_a_sensor_name_lags_before_and_behind_it():
+    """Of windows of 60 rows the first fifth tells no initial state: whole recordings are fitted."""
+    effects = {
+        "rectified_sensor": {"part": 1.0, "power": 2.0, "range": 2.0},
+        "valve_lag": {"time": 0.2},
+        "sensor_lag": {"time": 0.04},
+    }
+    t, recordings = np.arange(0.0, 5.0, 0.02), []
+    for seed in (1, 2):
+        rig, random = Rig(1.4, 24.0, 0.15, effects, sees_speed=True), np.random.default_rng(seed)
+        u = np.repeat(random.uniform(-1.5, 2.5, 25), 10)
+        y, u = simulate(rig, t, Drive(GIVEN, u), random.normal(0.0, 0.01, len(t)))
+        rows = np.arange(len(t))
+        recordings.append(Recording((Path(f"{seed}.csv"),), t, u, y, None, None, None, rows, {}, {}, ()))
+    told = diagnose(recordings, (), Options("velocity")).as_json()
+    assert {each["name"] for each in told["effects"]} == set(effects), told["effects"]
+    sizes = {
+        each["name"]: {of: p["value"] for of, p in each["parameters"].items()} for each in told["effects"]
+    }
+    assert sizes["valve_lag"]["time"] == pytest.approx(0.2, rel=0.1)
+    assert sizes["rectified_sensor"]["power"] == pytest.approx(2.0, rel=0.05)
+    assert told["extended"]["holdout_nrmse"] < 0.1 < told["baseline"]["holdout_nrmse"]

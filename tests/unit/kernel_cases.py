@@ -53,7 +53,7 @@ EFFECTS_ON = {
         "half": 0.12,
     },
     "sensor_lag": {"time": 3e-3},
-    "rectified_sensor": {"part": 0.8},
+    "rectified_sensor": {"part": 0.8, "power": 1.7, "range": 4.0},
     "parameter_drift": {
         "K_L": 0.4,
         "omega_n": -0.5,

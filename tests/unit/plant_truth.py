@@ -50,7 +50,7 @@ class Plant(Laws):
         self.w = np.zeros(9)
         self.w[[PLACE, PLACE2]] = position
         self.w[ACCELERATION] = self.spring(position)
-        self.w[LAGGED] = 0.0 if sees_speed else self.encoder(position)
+        self.w[LAGGED] = 0.0 if sees_speed else self.unsigned(self.encoder(position))
         self.segments = 0
 
     # modes
@@ -73,8 +73,13 @@ class Plant(Laws):
         return w[SPEED] * self.encoder_slope(y3) if touches else 0.0
 
     def reading(self, w):
-        seen = w[LAGGED] if self.of("sensor_lag", "time") else self.seen(w)
-        return seen + 2.0 * self.of("rectified_sensor", "part") * max(-seen, 0.0)
+        return w[LAGGED] if self.of("sensor_lag", "time") else self.unsigned(self.seen(w))
+
+    def unsigned(self, seen):
+        """What a sensor without sign makes of what it sees."""
+        at, power = self.of("rectified_sensor", "range"), self.of("rectified_sensor", "power")
+        shown = at * abs(seen / at) ** power
+        return shown if seen > 0.0 else (2.0 * self.of("rectified_sensor", "part") - 1.0) * shown
 
     def slope(self, side):
         lag, sensor_lag = self.of("valve_lag", "time"), self.of("sensor_lag", "time")
@@ -97,7 +102,7 @@ class Plant(Laws):
             d[SPEED2], d[PLACE2] = self.coupling(w), w[SPEED2]
             if not self.held:
                 d[SPEED] = (1.0 + self.inertia) * (self.drive(t, w) - self.resistance(w, d))
-            d[LAGGED] = (self.seen(w) - w[LAGGED]) / sensor_lag if sensor_lag else 0.0
+            d[LAGGED] = (self.unsigned(self.seen(w)) - w[LAGGED]) / sensor_lag if sensor_lag else 0.0
             return d
 
         return f

@@ -12,8 +12,10 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
-from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.starts.search_roots import less_damped
+from seod.diagnose.starts.baseline import BaselineFits, _rough
+from seod.diagnose.starts.search_roots import less_damped, search_roots
+from seod.diagnose.starts.sizes import scales
+from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 N, K_L = 4000, 17.0
@@ -54,3 +56,36 @@ def test_a_rate_too_quick_to_show_is_let_go():
 def test_a_plant_that_must_be_stays(omega_n, zeta, wrong):
     begun = fitted(omega_n, zeta, **wrong)
     assert less_damped(begun) is begun
+
+
+def behind(read, omega_n=60.0, zeta=0.4):
+    """A baseline on windows of a plant's speed as a sensor reads it."""
+    u = multisine(N)
+    b, a, _ = cont2discrete(([K_L * omega_n**2], [1.0, 2.0 * zeta * omega_n, omega_n**2]), 1.0 / RATE)
+    windows, _ = cut([series(recording(u, read(lfilter(b.ravel(), a, u)), noise=0.01), sees_speed=True)])
+    model = baseline_model(_rough(windows, omega_n), 1.0, True, {})
+    x = model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
+    return fit(model, windows, x, simulated_states(model, x, windows), most=4)
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_behind_a_sensor_without_sign_the_search_begins_at_the_plant(power):
+    base = behind(lambda speed: 10.0 * (np.abs(speed) / 10.0) ** power)
+    sizes = scales(base, base.cut)
+    *_, root = search_roots(base, BaselineFits(base, base, base), sizes, base.cut)
+    values = root.model.values(root.x)
+    assert (values["omega_n"], values["zeta"]) == pytest.approx((60.0, 0.4), rel=0.02)
+    assert values["rectified_sensor.power"] == pytest.approx(power, rel=0.02)
+    assert root.excess < 1.2
+
+
+def test_of_readings_of_either_sign_there_is_no_such_root():
+    base = behind(lambda speed: speed)
+    assert unsigned_root(base.model, base.cut, scales(base, base.cut)) is None
+
+
+def test_a_speed_that_never_turns_keeps_its_sign():
+    """It comes down to 0 and no further, and the baseline explains it."""
+    base = behind(lambda speed: speed - np.min(speed))
+    roots = search_roots(base, BaselineFits(base, base, base), scales(base, base.cut), base.cut)
+    assert not any(one.model.names for one in roots)

@@ -14,7 +14,16 @@ from seod.diagnose.record import blocks
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.record.series import dominant_hz, series
-from seod.diagnose.record.windows import Cut, all_but, cut, sample, segments, undivided
+from seod.diagnose.record.windows import (
+    Cut,
+    all_but,
+    cut,
+    fitted_windows,
+    hardly_settle,
+    sample,
+    segments,
+    undivided,
+)
 from seod.diagnose.result import DiagnoseError
 from sim.parameters import parameters
 
@@ -177,3 +186,16 @@ def test_an_unstable_plant_is_followed_until_it_has_left_the_recording():
         assert np.all(seen[piece][gone:] == seen[piece][gone])
         assert np.all(within[piece][gone:] == within[piece][gone])
     assert np.all(np.isfinite(seen))
+
+
+def test_recordings_of_few_rows_are_fitted_as_a_whole_without_the_rows_held_out(one):
+    u = multisine(300)
+    few = series(of(linear(u), u))
+    to_fit, held_out = cut([few])
+    (window,) = fitted_windows(to_fit).windows
+    whole = fitted_windows(to_fit)
+    assert hardly_settle(to_fit)
+    assert window[2] - window[1] > 200
+    assert not any(whole.series[0].good[a:b].any() for _, a, b in held_out.windows)
+    assert not hardly_settle(cut([one])[0])
+    assert fitted_windows(cut([one])[0]).windows == segments(cut([one])[0]).windows

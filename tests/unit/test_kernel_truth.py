@@ -73,6 +73,8 @@ PAIRS = [
     ("backlash", "sensor_nonlinearity"),
     ("position_ripple", "sensor_nonlinearity"),
     ("sensor_nonlinearity", "sensor_lag"),
+    ("sensor_lag", "rectified_sensor"),
+    ("rectified_sensor", "sensor_lag"),
     ("pressure_dependent_stiffness", "parameter_drift"),
     ("transport_delay", "parameter_drift"),
 ]

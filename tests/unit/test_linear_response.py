@@ -99,6 +99,11 @@ CASES = {
     "sensor_lag": Case({"sensor_lag": {"time": 3e-3}}),
     "sensor_lag of a speed": Case({"sensor_lag": {"time": 3e-3}}, base={"measures_speed": 1.0}),
     "rectified_sensor": Case({"rectified_sensor": {"part": 0.8}}, {"speed": -3.0}, {"measures_speed": 1.0}),
+    "rectified_sensor of another power": Case(
+        {"rectified_sensor": {"part": 1.0, "power": 2.0, "range": 4.0}},
+        {"speed": -3.0},
+        {"measures_speed": 1.0},
+    ),
     "held_readings": Case({"held_readings": {"time": 1e-9}}),
     "sensor_quantization": Case({"sensor_quantization": {"step": 1e-7}}, amplitude=0.1),
     "parameter_drift": Case(

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from seod.diagnose.causes.scales import Scales, Values
-    from seod.diagnose.result import Effects
+    from seod.diagnose.result import Array, Effects
 
 LARGEST_PART: Final = 0.7
 """Cosine and sine part of a wave over the largest amplitude, at most: both together stay below it."""
@@ -221,8 +221,9 @@ class Cause:
         mirrored: Parameters that turn their sign with that of the command.
         wave: How it repeats; None: it is no wave.
         gap: Parameter that is a gap in which the load may have been at rest anywhere; "" without one.
-        unsigned: Parameter that is 1 where readings have lost their sign: the plant to begin from is that of
-            readings that have been given the sign of a simulation; "" where readings keep it.
+        unsigned: What a sensor with a sign would have read but for the sign, from readings that have lost it
+            and a start of this cause: the plant to begin from is that of such readings with the sign of a
+            simulation. None where readings keep their sign.
         offset: Parameter by which it is a constant acceleration, in which Eq. 1 is linear; "" without one.
         figure: A number that the sentence tells, from all effects of the model.
     """
@@ -243,7 +244,7 @@ class Cause:
     mirrored: tuple[str, ...] = ()
     wave: Wave | None = None
     gap: str = ""
-    unsigned: str = ""
+    unsigned: Callable[[Array, Values, Scales], Array] | None = None
     offset: str = ""
     figure: Callable[[Effects], float] | None = None
 

@@ -33,6 +33,7 @@ class Scales:
         levels: How many different ones there are.
         pressed: The supply pressure changes.
         force: Standard deviation of what is measured of a disturbance [its unit], 0 without such a channel.
+        reading: Largest reading, either way [unit of y].
         given: Causes whose size the user tells: they are not searched.
     """
 
@@ -56,4 +57,5 @@ class Scales:
     levels: int = 1000
     pressed: bool = False
     force: float = 0.0
+    reading: float = 1.0
     given: frozenset[str] = frozenset()

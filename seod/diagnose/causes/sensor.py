@@ -17,13 +17,14 @@ from seod.diagnose.causes.record import (
     no_coordinates,
     not_searched,
     signed,
+    sized,
 )
 from seod.diagnose.causes.valve import lag_starts, longest, same_time, shortest_lag
 from sim.effects import LEAST, SENSOR_CURVE
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales, Values
-    from seod.diagnose.result import Effects
+    from seod.diagnose.result import Array, Effects
 
 SLOWED_BY_BACKLASH: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
 """Factors where a baseline took a limit cycle that backlash made slow for the plant's own frequency."""
@@ -53,9 +54,13 @@ CURVE_MARGIN: Final = 1.05
 """Half of the curve's travel over half of that of the readings, which are bent themselves; chosen."""
 CURVE_POINTS: Final = 201
 """Over its travel, at which its largest deviation is looked for."""
-PART_SCALE, LARGEST_PART = 0.1, 2.0
+PART_SCALE, LARGEST_PART = 0.1, 1.1
 """Of a rectified sensor: what half of the change below 0 is over the reading; size in whose steps it is
-searched, and its limit: three times as steep below 0."""
+searched, and its limit: a fifth steeper below 0. What counts or rectifies treats both ways alike; chosen."""
+POWERS: Final = (1.0, 2.0)
+"""Starts of the power of such a reading: what is counted, and a pressure drop or a power."""
+LEAST_POWER, LARGEST_POWER = 0.5, 3.0
+"""Of a rectified sensor's reading: the simulated plant's own limits."""
 
 
 def _gap(shares: Values, sizes: Values, cycle: Cycle) -> Values:
@@ -73,6 +78,17 @@ def _repeating(s: Scales) -> tuple[float, float]:
 def _over_travel(effects: Effects, s: Scales) -> None:
     """A sensor's curve lies over the travel of the recordings."""
     effects["sensor_nonlinearity"] |= {"centre": s.middle, "half": 0.5 * CURVE_MARGIN * s.travel}
+
+
+def _over_readings(effects: Effects, s: Scales) -> None:
+    """A rectified sensor of any power shows the largest reading alike."""
+    effects["rectified_sensor"]["range"] = s.reading
+
+
+def _unbent(y: Array, start: Values, s: Scales) -> Array:
+    """Readings as a straight sensor would show them."""
+    size = s.reading * (np.abs(y) / s.reading) ** (1.0 / start["rectified_sensor.power"])
+    return np.asarray(np.copysign(size, y))
 
 
 def _bend(effects: Effects) -> float:
@@ -131,9 +147,13 @@ SENSOR_LAG: Final = Cause(
 RECTIFIED_SENSOR: Final = Cause(
     name="rectified_sensor",
     says="The sensor shows no sign: what it reads is the absolute value.",
-    coordinates=lambda _: (linear("part", PART_SCALE, 0.0, LARGEST_PART),),
-    starts=lambda _: ((1.0,),),
-    unsigned="part",
+    coordinates=lambda _: (
+        linear("part", PART_SCALE, 0.0, LARGEST_PART),
+        sized("power", LEAST_POWER, LARGEST_POWER),
+    ),
+    starts=lambda _: tuple((1.0, power) for power in POWERS),
+    within=_over_readings,
+    unsigned=_unbent,
 )
 SENSOR_QUANTIZATION: Final = Cause(
     name="sensor_quantization",

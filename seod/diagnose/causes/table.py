@@ -158,7 +158,12 @@ def sentence(name: str, effects: Effects) -> str:
 
 def remote(start: Values) -> bool:
     """Whether a start is far from the parent's own plant."""
-    return not {"*K_L", "K_L", "zeta"}.isdisjoint(start)
+    return not {"*K_L", "*zeta", "K_L", "zeta"}.isdisjoint(start)
+
+
+def bare(names: Collection[str]) -> bool:
+    """Whether a set is the baseline, if need be behind a sensor that has lost the sign."""
+    return all(CAUSES[name].unsigned for name in names)
 
 
 def begun_from(values: Values, start: Values) -> Values:

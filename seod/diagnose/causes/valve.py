@@ -49,6 +49,8 @@ LEAST_SPOOL_DAMPING: Final = 0.3
 """Damping ratio of a spool with inertia, at least: a valve's own controller sees to it; chosen."""
 CRITICAL: Final = 1.0
 """Damping ratio with which a search begins: of two lags in a row, from which either way is open."""
+SLOW_LAG: Final = ({"*omega_n": 2.5, "*zeta": 0.2},)
+"""Factors where a baseline took a lag for its damping, so that the plant behind it does not swing; chosen."""
 LIGHTEST_SPOOL_TICKS: Final = 2.0
 """Natural frequency of such a spool times the sampling interval, at most: no samples show a quicker one."""
 RAMPS: Final = (0.3, 1.0, 3.0)
@@ -195,6 +197,7 @@ VALVE_LAG: Final = Cause(
     says="The valve's spool follows its command as a first-order lag.",
     coordinates=lambda s: (linear("time", 1.0 / s.omega_n, shortest_lag(s), longest(s)),),
     starts=lag_starts(0.1, 0.5),
+    remote=SLOW_LAG,
     alike=same_time("valve_lag", "sensor_lag", "transport_delay"),
     delays=True,
 )

@@ -11,9 +11,9 @@ import numpy as np
 from seod.diagnose.fitting.backlash_jumps import sure
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.least_squares import least_square, settle, weighted
-from seod.diagnose.fitting.simulate import inside, simulate
+from seod.diagnose.fitting.simulate import POSITION, inside, simulate
 from seod.diagnose.record.coarse_sensor import beyond
-from seod.diagnose.record.windows import Cut
+from seod.diagnose.record.windows import Cut, hardly_settle
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import WINDOWS
 
@@ -100,8 +100,10 @@ def simulate_held_out(model: Model, x: Array, cut: Cut, *near: Array) -> HeldOut
     """Simulate windows from initial states fitted to the first fifth of each.
 
     Of several fits, from the simulation of the whole recording and from `near`, each window takes what fits
-    its first fifth best.
+    its first fifth best. Where that has too few rows, windows are those of one run of the whole recording.
     """
+    if hardly_settle(cut):
+        return _in_one_run(model, x, cut)
     first = cut.started() & cut.good
     record, best = model.record(x), None
     for begin in (simulated_states(model, x, cut), *near):
@@ -117,6 +119,36 @@ def simulate_held_out(model: Model, x: Array, cut: Cut, *near: Array) -> HeldOut
     simulated, states = inside(record, cut, best)
     scored = cut.good & ~cut.started()
     return HeldOut(cut, simulated, states, best, scored, sure(record, cut, simulated, states))
+
+
+def _in_one_run(model: Model, x: Array, cut: Cut) -> HeldOut:
+    """Windows of one run of each recording, whose initial state is fitted to rows that are not held out.
+
+    Of a recording that is held out altogether it is fitted to the first fifth of the first window.
+    """
+    ends = [len(one.t) for one in cut.series]
+    every = Cut(cut.series, tuple((k, 0, end) for k, end in enumerate(ends)))
+    rows = every.good & np.concatenate([_settles(cut, k) for k in range(len(ends))])
+    start = settle(model, every, x, measured_places(every), rows)
+    record = model.record(x)
+    simulated, states = inside(record, every, start)
+    begins = np.concatenate([[0], np.cumsum(ends)])
+    at = np.concatenate([np.arange(begins[k] + a, begins[k] + b) for k, a, b in cut.windows])
+    begun = measured_places(cut)
+    begun[:, : POSITION + 1] = states[[begins[k] + a for k, a, _ in cut.windows], : POSITION + 1]
+    clear = sure(record, every, simulated, states)
+    scored = cut.good & ~cut.started()
+    return HeldOut(cut, simulated[at], states[at], begun, scored, clear[at])
+
+
+def _settles(cut: Cut, k: int) -> Mask:
+    """Rows of a series to which the initial state of one run is fitted."""
+    one = cut.series[k]
+    seen = np.ones(len(one.t), np.bool_)
+    for of, first, last in cut.windows:
+        seen[first:last] &= of != k
+    begins = one.t - one.t[0] < WINDOWS.settling_part * one.window_s
+    return seen if np.count_nonzero(seen) > len(seen) // 4 else begins
 
 
 def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:

@@ -162,6 +162,19 @@ def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
     return Cut(out, whole_windows(out))
 
 
+def hardly_settle(every: Cut) -> bool:
+    """Whether windows have so few rows that the first fifth of one does not tell its initial state."""
+    return float(np.median(every.sizes)) * WINDOWS.settling_part < WINDOWS.settling_rows
+
+
+def fitted_windows(to_fit: Cut) -> Cut:
+    """Windows to fit as they are fitted: segments, or, where these tell no initial state, whole recordings.
+
+    A recording of few rows is simulated in no time, and has one initial state then.
+    """
+    return undivided(to_fit) if hardly_settle(to_fit) else segments(to_fit)
+
+
 def segments(whole: Cut, longest_s: float | None = None) -> Cut:
     """The same rows in windows no longer than that; None: than 2 s or a dominant period.
 

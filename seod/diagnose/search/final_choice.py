@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.fitting.judged import Judged
-from seod.diagnose.record.windows import undivided
+from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.prune import best_alike, plainer, thinned
 from seod.diagnose.search.refine import refined, settled
-from seod.diagnose.search.whole_recordings import widened
+from seod.diagnose.search.whole_recordings import one_more, widened
 from seod.diagnose.starts.baseline import unchanged
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import FINAL_CHOICE
@@ -50,6 +50,8 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     if best.held.adequacy > HELD_OUT.adequate:
         plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen)
         best, base = _least((best, *sets), screen), _least((base, plain), screen)
+        if hardly_settle(held_out):
+            best = _climbed(best, held_out, screen)
         least = FINAL_CHOICE.misfit_gain
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
@@ -74,6 +76,21 @@ def _over_whole(
         sets += widened(parent, screen, over)[1:]
     plainly, *judged = screen.parallel(lambda one: Judged.of(one, held_out), (plain, *sets))
     return plainly, judged
+
+
+def _climbed(best: Judged, held_out: Cut, screen: Screen) -> Judged:
+    """With whichever effect more errs least where no fit has seen, as long as that is much less.
+
+    Of few rows flexible effects take up most of what is left, and foretell little of the others.
+    """
+    over = screen.budget.looking()
+    while True:
+        some = one_more(best.found, screen, over, FINAL_CHOICE.climbed_causes)
+        judged = list(screen.parallel(lambda one: Judged.of(one, held_out), some))
+        least = _least((best, *judged), screen)
+        if _unseen(best) - _unseen(least) < FINAL_CHOICE.misfit_gain:
+            return best
+        best = least
 
 
 def _refined(some: Sequence[Fitted], cut: Cut, screen: Screen) -> list[Fitted]:

@@ -102,7 +102,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list
         one
         for name, one in rest.items()
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
-        or _may_be_none(own, name, spread)
+        or (gain(one, own) < PRUNE.surely and _may_be_none(own, name, spread))
     ]
 
 

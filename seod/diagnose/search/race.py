@@ -14,6 +14,7 @@ from seod.diagnose.causes.table import (
     RICHER,
     SETTLED,
     SHAKES,
+    bare,
     begun_from,
     further_causes,
     group,
@@ -99,7 +100,7 @@ def _reaches_far(screen: Screen, parent: Fitted, name: str) -> bool:
 
     A disturbance also of the others: it may be what their plant swings with.
     """
-    if parent.model.names:
+    if not bare(parent.model.names):
         return name == SHAKES and not screen.grid_plants
     return not (screen.grid_plants and name in IN_GRID)
 

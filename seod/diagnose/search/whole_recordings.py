@@ -50,6 +50,14 @@ def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
     return grown
 
 
+def one_more(parent: Fitted, screen: Screen, over: Callable[[], bool], most: int) -> list[Fitted]:
+    """A set fitted to whole recordings with each of so many causes more, those that promise most."""
+    if len(parent.model.names) >= BEAM.most_effects + 1 or over():
+        return []
+    more = further_causes(parent.model.scales, parent.model.names)
+    return _fitted(promising(parent, more, screen)[:most], parent, screen, over)
+
+
 def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
     """Whether windows gain by what one effect more saves of whole recordings.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.causes.table import CAUSES, SHAKES, group, wave_of
+from seod.diagnose.causes.table import CAUSES, SHAKES, bare, group, wave_of
 from seod.diagnose.fitting.initial_states import simulated_states, travelled
 from seod.diagnose.fitting.least_squares import Fitted, settle
 from seod.diagnose.fitting.simulate import POSITION, inside
@@ -25,7 +25,7 @@ def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
     """Where to begin with an effect; with a wave at the lines of what the parent leaves."""
     searched = group(name, parent.model.scales)
     if CAUSES[name].unsigned:
-        return unsigned_starts(parent.model, f"{name}.{CAUSES[name].unsigned}", cut)
+        return unsigned_starts(parent.model, name, cut) if bare(parent.model.names) else ()
     if CAUSES[name].wave is None:
         return searched.starts
     size = 0.1 * searched.coordinates[0].scale

@@ -10,6 +10,7 @@ import numpy as np
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
+from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 if TYPE_CHECKING:
@@ -34,7 +35,10 @@ def hidden_by_offset(fits: BaselineFits, base: Judged, closed: ClosedForm) -> Ba
 
 
 def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> list[Fitted]:
-    """The baseline, and the other fits where they differ: with sizes by which effects are scaled."""
+    """The baseline, and the other fits where they differ: with sizes by which effects are scaled.
+
+    Where readings have lost their sign the baseline behind such a sensor is one of them.
+    """
     model = replace(base.model, scales=sizes)
     found = [less_damped(fit(model, cut, base.x, settled_states(model, base.x, cut)))]
     for one in filter(None, (fits.closed, fits.near, fits.other)):
@@ -43,7 +47,11 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> l
         root = less_damped(fit(other, cut, one.x, start, free=nothing))
         if all(_differ(root, each) for each in found):
             found.append(root)
-    return found
+    unsigned = unsigned_root(base.model, cut, sizes)
+    if unsigned is None:
+        return found
+    root = unchanged(unsigned.model, unsigned.x, cut)
+    return [*found, root] if root.cost < found[0].cost - SEARCH_ROOTS.shows_no_sign else found
 
 
 def less_damped(root: Fitted) -> Fitted:

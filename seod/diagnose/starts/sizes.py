@@ -47,6 +47,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         two_commands=all(len(np.unique(one.u)) <= 2 for one in used),
         pressed=_range([one.supply for one in used]) > 0.02,
         force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
+        reading=max(SIZES.least, *(float(np.max(np.abs(one.y[one.good]))) for one in used)),
     )
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import OFFSET
+from seod.diagnose.causes.table import CAUSES, OFFSET, group, searched_causes
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
@@ -25,7 +25,8 @@ from seod.diagnose.tuning.starts import UNSIGNED
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.causes.scales import Scales, Values
+    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
 
@@ -44,14 +45,41 @@ def without_sign(cut: Cut) -> bool:
     return True
 
 
-def unsigned_starts(parent: Model, place: str, cut: Cut) -> tuple[Values, ...]:
-    """Plants whose readings without sign are nearest to those of the windows, `place` being 1."""
-    if not without_sign(cut):
-        return ()
-    wide = undivided(cut)
+def unsigned_starts(parent: Model, name: str, cut: Cut) -> tuple[Values, ...]:
+    """Plants with the sensor `name`, whose readings without sign are nearest to those of the windows."""
+    return tuple(start | plant for start, plant in _begun(parent, name, cut)) if without_sign(cut) else ()
+
+
+def unsigned_root(parent: Model, cut: Cut, scales: Scales) -> Fitted | None:
+    """The baseline behind a sensor that has lost the sign, fitted to whole recordings; None: it has not.
+
+    Whatever else is wrong with the baseline shows only once readings may be those of either sign: beside a
+    baseline that knows no sign no other cause gains anything.
+    """
+    names = [name for name in searched_causes(scales) if CAUSES[name].unsigned]
+    if not names or not without_sign(cut):
+        return None
+    wide, model = undivided(cut), replace(parent, scales=scales)
+    found = []
+    for name in names:
+        for start, plant in _begun(model, name, cut):
+            own = model.turned(plant["K_L"]).with_effect(name)
+            x = own.searched(start | plant)
+            found.append(fit(own, wide, x, measured_places(wide), UNSIGNED.root_steps))
+    return min(found, key=lambda one: one.cost)
+
+
+def _begun(parent: Model, name: str, cut: Cut) -> Iterator[tuple[Values, Values]]:
+    """Starts of the sensor, each with the plants that belong to it."""
     model = baseline_model(parent.scales, 1.0, parent.sees_speed, parent.fixed)
-    points = sorted(_grid(model, wide), key=lambda one: one.error)[: UNSIGNED.kept]
-    return tuple({place: 1.0} | values for point in points for values in _signed(model, point, cut, wide))
+    unsigned = CAUSES[name].unsigned
+    assert unsigned is not None  # noqa: S101 - asked of such a sensor alone
+    for start in group(name, parent.scales).starts:
+        straight = [replace(one, y=unsigned(one.y, start, parent.scales)) for one in cut.series]
+        windows = Cut(straight, cut.windows)
+        wide = undivided(windows)
+        points = sorted(_grid(model, wide), key=lambda one: one.error)[: UNSIGNED.kept]
+        yield from ((start, values) for point in points for values in _signed(model, point, windows, wide))
 
 
 class _Point(NamedTuple):

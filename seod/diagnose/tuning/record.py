@@ -320,6 +320,9 @@ class Windows:
     skipped_s: float = 0.1
     """[s] Of a recording's start: the commands before it, which delay and lag still show, are unknown.
     Chosen."""
+    settling_rows: int = 20
+    """[rows] In the first fifth of a window, without which its initial state is that of one run of the whole
+    recording: up to seven numbers are fitted to them. Chosen."""
     at_edge: float = 1e-3
     """[intervals] A row so near before an edge is at it, however its time was rounded. Chosen."""
     moving_above_noise: float = 3.0

@@ -74,6 +74,8 @@ class FinalChoice:
     of_size: int = 2
     """[sets] Of each size that are fitted to whole recordings, where none comes down to the noise.
     Chosen."""
+    climbed_causes: int = 8
+    """[causes] That promise most, of which each is tried where recordings have few rows. Chosen."""
     misfit_gain: float = 0.2
     """[-] What an effect must save there, where any effect takes up a little of what is wrong. Chosen."""
 
@@ -88,6 +90,9 @@ class Prune:
     least_share: float = 5e-4
     """[-] Of the baseline's squared error above the noise that has to come back without an effect: less
     is 0 %. Chosen."""
+    surely: float = 1.0
+    """[-] Mean log squared error that an effect saves, from which on its size is not none, whatever its
+    interval says: that takes the curve between its size and none for straight. Chosen."""
 
 
 PRUNE: Final = Prune()

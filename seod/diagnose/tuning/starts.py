@@ -168,6 +168,9 @@ class SearchRoots:
     """[-] Squared error of such a plant over the noise's. Chosen."""
     hidden: float = 0.5
     """[-] NRMSE with an offset and a delay over the baseline's, up to which they hid the plant. Chosen."""
+    shows_no_sign: float = 0.3
+    """[-] Mean log squared error that the baseline behind a sensor without sign saves, to be a start: many a
+    position begins at 0 and never goes below. Chosen: a quarter of the squares."""
     as_good: float = 0.1
     """[-] Further mean log error of the one in its place, at most. Chosen: a tenth."""
 
@@ -210,6 +213,9 @@ class Unsigned:
     Chosen."""
     kept: int = 2
     """[plants] From which readings are given a sign. Chosen."""
+    root_steps: int = 40
+    """[steps] Of a fit of the baseline with such a sensor to whole recordings, from each of these. Chosen: it
+    is where the search begins."""
     signed_again: int = 3
     """[-] Times that readings are given the sign of the plant that was fitted to them. Chosen."""
 
