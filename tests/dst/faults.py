@@ -183,14 +183,13 @@ def _busy(run: Run, numbers: Numbers) -> None:
     process = _process(run, numbers["who"])
     if process is None or not process.able:
         return
-    before = process.latency
     run.checks.touched(process)
 
     def calm() -> None:
         run.checks.disturbed[process.pid] = run.world.now + numbers["late"]  # a wait that began before
-        process.latency = before
+        process.taken_by.remove(numbers["late"])
 
-    process.latency = (before[0], numbers["late"])
+    process.taken_by.append(numbers["late"])
     run.world.at(run.world.now + numbers["for"], calm)
 
 

@@ -65,7 +65,7 @@ class Process:
     """One process: its tasks, its signals, what it holds.
 
     Attributes:
-        latency: Range of its wake-up delays [s].
+        taken_by: How late each fault makes it that takes the processor from it [s].
         stopped: By SIGSTOP.
         code: How it ended, as `subprocess` tells it; None while it runs.
         crash: The exception that ended it.
@@ -83,7 +83,8 @@ class Process:
     ) -> None:
         self.world, self.name, self.argv, self.parent = world, name, argv, parent
         self.pid = next(world.pids)
-        self.latency = latency
+        self.prompt = latency
+        self.taken_by: list[float] = []
         self.rng = Random(f"{world.seed} {name} {self.pid}")
         self.stopped = False
         self.code: int | None = None
@@ -98,6 +99,11 @@ class Process:
         self.grip: Callable[[str], None] | None = None
         self._main = main
         self.tasks = [Task(world, self, self._run)]
+
+    @property
+    def latency(self) -> tuple[float, float]:
+        """Range of its wake-up delays [s]."""
+        return self.prompt[0], max([self.prompt[1], *self.taken_by])
 
     @property
     def alive(self) -> bool:
