@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
 from seod.diagnose.extend.rig_baseline import rated
-from seod.diagnose.fitting.free_run import fitted_in_one_run
+from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.judged import Judged
@@ -266,9 +266,10 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
     base, chosen = _measured(choice, start, unseen, way)
+    last_base = chosen.last if chosen.over_all is base.found else _last(base.found, start, way)
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
-    return Searched(base.found, base.held, chosen, seen, tuple(effects), grown)
+    return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
 
 
 def _common(start: _Start, way: _Way, closed: ClosedForm) -> Common:
@@ -311,8 +312,19 @@ def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Ju
     if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
         over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
     over_all = fitted_in_one_run(over_all, start.held_out, way.parallel, way.budget.last_fit())
+    last = _last(over_all, start, way)
     if over_all is best and unseen.windows == start.held_out.windows:
-        return choice.base, Chosen(best, best, choice.without, choice.best.held)
+        return choice.base, Chosen(best, best, last, choice.without, choice.best.held)
     every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
     base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
-    return base, Chosen(best, over_all, dict(zip(choice.without, rest, strict=True)), own.held)
+    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held)
+
+
+def _last(found: Fitted, start: _Start, way: _Way) -> Fitted:
+    """Fitted to all rows of the recordings, once nothing more is asked of those that were held out."""
+    series = start.held_out.series
+    if any(len(one.blocks) > 1 for one in series):
+        every = all_but(series, Cut(series, ()))
+    else:
+        every = Cut(series, tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
+    return fitted_to_all_rows(found, every, way.parallel, way.budget.last_fit())

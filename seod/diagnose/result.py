@@ -223,6 +223,8 @@ class Account:
         noise_order: Of the autoregression that the rest is; 0 of white noise.
         noise_correlation_s: Its correlation time [s].
         asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other.
+        detectable_nrmse: NRMSE from which on a systematic part would have been shown with these rows;
+            infinite where none would.
     """
 
     explained: float
@@ -233,6 +235,7 @@ class Account:
     noise_order: int = 0
     noise_correlation_s: float = math.nan
     asked: bool = True
+    detectable_nrmse: float = math.inf
 
     def as_json(self) -> dict[str, Any]:
         """The three shares, and how they are known."""
@@ -243,6 +246,7 @@ class Account:
             "systematic_nrmse": finite_or_none(self.systematic_nrmse),
             "shown_by": self.shown_by,
             "asked": self.asked,
+            "detectable_nrmse": finite_or_none(self.detectable_nrmse),
             "noise": {"order": self.noise_order, "correlation_s": finite_or_none(self.noise_correlation_s)},
         }
 

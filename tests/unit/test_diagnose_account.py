@@ -113,6 +113,27 @@ def test_what_is_missing_is_systematic(driven, memory):
     assert rest < 0.25 * box.share.square
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
+def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
+    """Noise alone tells how small a drag is found beside it, or that even a large one is not."""
+    u, states, effect = driven
+    drag = np.concatenate([each - each.mean() for each in np.split(effect, 8)])
+    drag /= np.std(drag)
+    noise = coloured(memory, 1.0)
+    box = foretold(parts_of(u, noise, states), PLANT)
+    assert not box.share.significant
+    part = 4.0 * box.detectable if box.detectable < 1.0 else 0.0625
+    there = foretold(parts_of(u, noise + np.sqrt(part) * drag, states), PLANT)
+    assert there.share.significant == (box.detectable < 1.0)
+
+
+def test_slow_noise_in_few_windows_could_hide_anything():
+    u = noise_command()
+    box = foretold(parts_of(u, coloured(0.99, 1.0), moved(u)), PLANT)
+    assert not box.share.significant
+    assert box.detectable > 0.25
+
+
 def test_two_windows_held_out_are_enough(driven):
     u, states, effect = driven
     error = np.concatenate([each - each.mean() for each in np.split(effect, 4)])
@@ -165,8 +186,9 @@ def test_models_without_physics_come_near_a_linear_plant():
     assert yardstick(*(part.only([0]) for part in halves)) is not None
 
 
-def account(systematic, remains=0.2, nrmse=0.1):
-    return Account(1.0 - remains, systematic, remains - systematic, nrmse)
+def account(systematic, remains=0.2, nrmse=0.1, detectable=0.01):
+    parts = 1.0 - remains, systematic, remains - systematic
+    return Account(*parts, nrmse, detectable_nrmse=detectable)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +200,12 @@ def account(systematic, remains=0.2, nrmse=0.1):
         (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.1, "partly"),
         (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.3, "down_to_noise"),
         (0.4, 0.2, 9.0, replace(account(0.0, nrmse=0.0), asked=False), 0.3, "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=0.15), 0.3, "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "partly"),
+        (0.4, 0.04, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "partly"),
+        (0.4, 0.02, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "good_for_design"),
         (0.4, 0.2, 1.1, account(0.0, nrmse=0.0), 0.1, "down_to_noise"),
+        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "down_to_noise"),
         (0.4, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),
         (0.4, 0.04, 9.0, account(0.01, nrmse=0.025), 0.1, "partly"),
         (0.04, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),

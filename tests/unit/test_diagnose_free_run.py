@@ -7,12 +7,13 @@ import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.fitting.free_run import fitted_in_one_run, free_runs
+from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows, free_runs
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.uncertainty import covariance
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import cut
+from seod.diagnose.record.windows import Cut, cut, fitted_windows
 
 SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
 TRUTH = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
@@ -64,3 +65,32 @@ def test_errors_of_whole_runs_are_in_the_unit_of_y_and_tell_which_start(rig):
         "rms_from_fitted": far.from_fitted,
         "holdout": True,
     }
+
+
+def test_the_last_fit_sees_the_rows_that_were_held_out_and_its_intervals_are_narrower(rig):
+    """Readings that are 1 % larger in the windows held out move the last numbers."""
+    one, model, x, to_fit, held_out = rig
+    small = fitted_windows(to_fit)
+    halves = fit(model, small, x, begun_states(model, x, small))
+    every = Cut(held_out.series, tuple(sorted((*to_fit.windows, *held_out.windows))))
+    last = fitted_to_all_rows(halves, every, map, lambda: False)
+    assert last.cut.good.sum() > 1.9 * halves.cut.good.sum()
+    ratio = np.sqrt(covariance(last)[0, 0] / covariance(halves)[0, 0])
+    assert ratio == pytest.approx(np.sqrt(0.5), rel=0.2)
+    assert model.values(last.x)["K_L"] == pytest.approx(K_L, abs=4.0 * K_L * np.sqrt(covariance(last)[0, 0]))
+    rows = np.concatenate([np.arange(a, b) for _, a, b in held_out.windows])
+    other = np.isin(np.arange(len(one.y)), rows)
+    moved = replace(one, y=np.where(other, 1.01 * one.y, one.y))
+    wrong = fitted_to_all_rows(halves, Cut([moved], every.windows), map, lambda: False)
+    assert model.values(wrong.x)["K_L"] > model.values(last.x)["K_L"] * 1.001
+
+
+def test_the_last_fit_is_of_runs_as_long_as_those_by_which_rows_held_out_were_foretold(rig):
+    _, model, x, to_fit, held_out = rig
+    begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
+    better = fitted_in_one_run(begun, held_out, map, lambda: False)
+    every = Cut(held_out.series, tuple(sorted((*to_fit.windows, *held_out.windows))))
+    last = fitted_to_all_rows(better, every, map, lambda: False)
+    longest = [max(b - a for _, a, b in each.cut.windows) for each in (better, last)]
+    assert longest[1] >= longest[0] > 2 * max(b - a for _, a, b in every.windows)
+    assert model.values(last.x)["K_L"] == pytest.approx(K_L, rel=5e-4)

@@ -74,8 +74,8 @@ def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
     base, noise = Judged.of(far, aside).held, to_fit.allowed**2
 
     def left(found, **more):
-        best = Chosen(found, found, {}, Judged.of(found, aside).held)
-        some = Searched(far, base, best, Judged.of(found, to_fit).held, (), None, **more)
+        best = Chosen(found, found, found, {}, Judged.of(found, aside).held)
+        some = Searched(far, far, base, best, Judged.of(found, to_fit).held, (), None, **more)
         return _remainder(some, Judged.of(far, to_fit).held)
 
     nothing, unsaid = left(right)
@@ -111,9 +111,9 @@ def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(
     assert held.adequacy > HELD_OUT.adequate
     assert (held.adequacy > WINDOW_HALVES.shows_more) == more_than_twice
     assert fits_both(found, held) == (said == (UNSURE,))
-    best = Chosen(found, found, {}, held)
+    best = Chosen(found, found, found, {}, held)
     (far,) = detuned(to_fit, 0.8)
-    some = Searched(far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
+    some = Searched(far, far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
     left, told = _remainder(some, Judged.of(far, to_fit).held)
     assert (left.fraction == 0.0) == (said == (UNSURE,))
     assert told == said

@@ -17,7 +17,8 @@ from seod.diagnose.tuning.account import ACCOUNT
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.residual import WindowResidual
+    from seod.diagnose.account.black_box import Foretold
+    from seod.diagnose.account.residual import Share, WindowResidual
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
@@ -32,12 +33,14 @@ class Shown(NamedTuple):
         by: How it is known.
         noise: Of the rest.
         asked: The recording could have shown it: the command repeats, or windows are alike.
+        detectable: Part of the squared error that would have been shown, had it been systematic.
     """
 
     part: float
     by: Evidence
     noise: NoiseColour
     asked: bool
+    detectable: float
 
 
 def accounted(
@@ -77,6 +80,7 @@ def accounted(
         shown_by=shown.by,
         noise_order=shown.noise.order,
         asked=shown.asked or shown.part > 0.0,
+        detectable_nrmse=math.sqrt(shown.detectable) * held.nrmse,
         noise_correlation_s=shown.noise.correlation * held.cut.series[0].tick,
     )
     return account, None if other is None else Yardstick(other.arx, other.narx)
@@ -87,7 +91,9 @@ def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: 
     again, box = repeats(every, parts), foretold(parts, plant)
     asked = again is not None or (box is not None and not all(sweeps(one.t, one.u) for one in every))
     total = mean_square([one for one in parts if one.held_out])
-    shown = Shown(0.0, "nothing", NoiseColour((), 0.0, 1.0), asked)
+    shown = Shown(
+        0.0, "nothing", NoiseColour((), 0.0, 1.0), asked, _detectable(again, box if asked else None, total)
+    )
     rest: Sequence[WindowResidual] = parts
     if box is not None and box.share.significant:
         shown = shown._replace(part=min(1.0, box.share.square / total), by="black box")
@@ -96,3 +102,10 @@ def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: 
         shown = shown._replace(part=min(1.0, again.square / total), by="repetition")
         rest = not_repeated(every, parts)
     return shown._replace(noise=colour(rest))
+
+
+def _detectable(again: Share | None, box: Foretold | None, total: float) -> float:
+    """Smallest systematic part that one of the ways would have shown, of the mean square `total`."""
+    ways = [] if box is None else [box.detectable]
+    ways += [] if again is None else [again.limit * again.sd / total]
+    return min(ways, default=math.inf)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from seod.diagnose.account.noise_colour import colour
-from seod.diagnose.account.residual import compared
+from seod.diagnose.account.residual import compared, mean_square
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:
@@ -31,41 +31,96 @@ class Foretold(NamedTuple):
     Attributes:
         share: Its mean square.
         rest: What is left of the windows.
+        detectable: Mean square of a systematic part that would have been shown beside what is left, over its
+            mean square; infinite where none of those tried would.
     """
 
     share: Share
     rest: list[WindowResidual]
+    detectable: float
 
 
 def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
+    The same is asked of the residual with a known part added to it, of several shapes, sizes and signs.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
     sizes = sizes_of(parts)
-    weights = _weights([_products(_columns(one, plant, sizes)[one.scored]) for one in parts])
+    added = _added(parts, plant, sizes)
+    products = [_products(_columns(one, plant, sizes, added)[one.scored]) for one in parts]
+    targets = products[0].shape[0] - len(added)
+    weights = [_weights([_of(each, targets, k) for each in products]) for k in range(len(added))]
     rest, before, after = [], [], []
-    for one, own in zip(parts, weights, strict=True):
-        columns = _columns(one, plant, sizes)
-        error = np.where(one.scored, columns[:, -1] - columns[:, :-1] @ own, 0.0)
-        rest.append(replace(one, error=error))
-        before.append(columns[:, -1] ** 2)
+    for w, one in enumerate(parts):
+        columns = _columns(one, plant, sizes, added)
+        known, asked = columns[:, :targets], columns[:, targets:]
+        error = np.where(one.scored, (asked - known @ np.array([each[w] for each in weights]).T).T, 0.0)
+        rest.append(replace(one, error=error[0]))
+        before.append(asked.T**2)
         after.append(error**2)
     scored = [one.scored for one in parts]
     longest = float(np.mean([each.sum() for each in scored])) / (
         BLACK_BOX.correlations * colour(rest).correlation
     )
     count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(scored))))
-    every = compared(before, after, scored, count)
-    new = [k for k, one in enumerate(parts) if one.held_out]
-    share = compared([before[k] for k in new], [after[k] for k in new], [scored[k] for k in new], count)
-    return Foretold(replace(share, score=every.score, limit=every.limit), rest)
+
+    def share(k: int, of: Sequence[int]) -> Share:
+        return compared([before[w][k] for w in of], [after[w][k] for w in of], [scored[w] for w in of], count)
+
+    every = range(len(parts))
+    own = share(0, every)
+    shown = [share(k, every).significant for k in range(1, len(added))]
+    new = share(0, [w for w in every if parts[w].held_out])
+    return Foretold(replace(new, score=own.score, limit=own.limit), rest, _detectable(shown))
+
+
+def _detectable(shown: Sequence[bool]) -> float:
+    """Least of the sizes tried from which on the added parts are mostly shown, over what is left."""
+    of_size = np.array(shown).reshape(len(BLACK_BOX.added), -1).mean(axis=1) >= BLACK_BOX.mostly
+    least = math.inf
+    for size, enough in reversed(list(zip(BLACK_BOX.added, of_size, strict=True))):
+        if not enough:
+            break
+        least = size
+    return least
+
+
+def _added(parts: Sequence[WindowResidual], plant: Plant, sizes: dict[str, float]) -> list[tuple[int, float]]:
+    """What is added to the residual: which shape, and how much of it; first nothing.
+
+    Sizes ascend; each has all shapes with both signs.
+    """
+    shapes = [_shapes(one, plant, sizes)[one.scored] for one in parts]
+    counts = sum(len(each) for each in shapes)
+    own = np.sqrt(np.maximum(sum(np.sum(each**2, axis=0) for each in shapes) / counts, 1e-300))
+    rms = math.sqrt(mean_square(parts))
+    scales = [(k, sign * rms / float(size)) for k, size in enumerate(own) for sign in (1.0, -1.0)]
+    return [(0, 0.0)] + [(k, math.sqrt(part) * of) for part in BLACK_BOX.added for k, of in scales]
+
+
+def _shapes(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array:
+    """Systematic parts that are none of the black box's own terms, shape (n, shapes).
+
+    As a load or a valve off the list would make them, without what a state at the beginning would do.
+    """
+    u, v, x = (getattr(one, name) / sizes[name] for name in ("u", "velocity", "position"))
+    angle = float(np.median(np.diff(one.t))) * plant.omega_n
+    forces = _through(_load(plant), [np.sign(v) * np.sqrt(np.abs(v)), np.sin(2.7 * math.pi * x)], angle)
+    volts = _through(_valve(plant), [np.clip(u, -0.4, 0.4), u * np.sqrt(np.abs(u)) * x], angle)
+    return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle)
+
+
+def _of(products: Array, targets: int, k: int) -> Array:
+    """Products of the columns and of one residual."""
+    rows = np.r_[np.arange(targets), targets + k]
+    return np.asarray(products[np.ix_(rows, rows)])
 
 
 def _products(columns: Array) -> Array:
-    """Of a window's columns and residual, shape (p + 1, p + 1)."""
+    """Of a window's columns and residuals, each with each."""
     return np.asarray(columns.T @ columns)
 
 
@@ -100,14 +155,27 @@ def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
     }
 
 
-def _columns(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array:
-    """All terms and the residual, without what a state at the window's beginning would do; (n, p + 1)."""
+def _columns(
+    one: WindowResidual, plant: Plant, sizes: dict[str, float], added: Sequence[tuple[int, float]]
+) -> Array:
+    """All terms, and the residual with what is added, without what a state at the beginning would do.
+
+    Shape (n, p + len(added)).
+    """
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
     angle = tick * plant.omega_n
     forces = _through(_load(plant), _forces(p, v, x), angle)
     volts = _through(_valve(plant), _volts(u, p, x, angle), angle)
     columns = np.column_stack([*forces, *volts, *_readings(p, v, x), one.error])
+    columns = _without_beginning(columns, one, plant, angle)
+    shapes = _shapes(one, plant, sizes)
+    more = [columns[:, -1] + size * shapes[:, k] for k, size in added[1:]]
+    return np.column_stack([columns, *more])
+
+
+def _without_beginning(columns: Array, one: WindowResidual, plant: Plant, angle: float) -> Array:
+    """Columns less what is as a state at the window's beginning moves the reading; changed in place."""
     kept = one.scored
     basis, _ = np.linalg.qr(_free(len(one.t), plant, angle)[kept])
     columns[kept] -= basis @ (basis.T @ columns[kept])

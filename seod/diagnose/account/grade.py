@@ -25,11 +25,23 @@ def graded(
     """
     if not after < 1.0:
         return "useless"
-    rest = after if account is None or not account.asked else account.systematic_nrmse
+    rest = _systematic(after, account)
     beaten = other is not None and other.best < GRADE.as_good * after
-    nothing_shown = account is not None and account.asked and rest == 0.0
+    nothing_shown = account is not None and account.systematic_nrmse == 0.0 and told_apart(account, after)
     if adequacy < HELD_OUT.adequate or (nothing_shown and not beaten):
         return "down_to_noise"
     if after <= GRADE.design_error and rest <= GRADE.design_systematic:
         return "good_for_design"
     return "partly" if after < before else "useless"
+
+
+def told_apart(account: Account, after: float) -> bool:
+    """Whether a systematic part of what is left would have been shown, had there been one that counts."""
+    return account.asked and account.detectable_nrmse <= GRADE.told * after
+
+
+def _systematic(after: float, account: Account | None) -> float:
+    """NRMSE of the systematic part; where nothing is shown what might have been there unseen."""
+    if account is None or not account.asked:
+        return after
+    return account.systematic_nrmse or min(after, account.detectable_nrmse)

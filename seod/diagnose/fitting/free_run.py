@@ -15,7 +15,7 @@ from seod.diagnose.fitting.held_out import whole
 from seod.diagnose.fitting.initial_states import begun_states, measured_places
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
-from seod.diagnose.record.windows import Cut, all_but, segments
+from seod.diagnose.record.windows import Cut, all_but, fitted_windows, segments
 from seod.diagnose.result import FreeRun
 from seod.diagnose.tuning.fitting import FREE_RUN
 
@@ -69,6 +69,27 @@ def fitted_in_one_run(
             break
         length *= FREE_RUN.longer
     return best
+
+
+def fitted_to_all_rows(
+    fitted: Fitted, windows: Cut, parallel: ParallelMap, ended: Callable[[], bool]
+) -> Fitted:
+    """The same set from its own numbers, fitted to the rows that were held out, too.
+
+    Args:
+        fitted: By which rows held out were foretold; windows are as long as its own.
+        windows: All of the recordings.
+        parallel: As `map`.
+        ended: Tells when no further step begins.
+    """
+    own = fitted.cut
+    longest = max(float(own.series[k].t[b - 1] - own.series[k].t[a]) for k, a, b in own.windows)
+    if longest > FREE_RUN.in_windows * max(one.window_s for one in windows.series):
+        cut = segments(Cut(windows.series, _whole_series(windows.series)), longest)
+    else:
+        cut = fitted_windows(windows)
+    start = begun_states(fitted.model, fitted.x, cut)
+    return fit(fitted.model, cut, fitted.x, start, parallel=parallel, ended=ended)
 
 
 def _whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:

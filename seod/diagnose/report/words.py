@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
+from seod.diagnose.account.grade import told_apart
 from seod.diagnose.causes.table import CAUSES, sentence
 from seod.diagnose.report.units import Units
 from seod.diagnose.tuning.fitting import HELD_OUT
@@ -117,6 +118,12 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
         f"Of the baseline's squared error {explained} is explained, {least}{systematic} systematic and "
         f"unnamed{by}, {rest} not repeatable."
     )
+    if account.systematic == 0.0 and not told_apart(account, d.extended.holdout_nrmse):
+        unseen = min(account.detectable_nrmse, d.extended.holdout_nrmse)
+        yield (
+            f"So few rows cannot tell whether that is noise: a systematic part of {percent(unseen)} of the "
+            "movement might go unseen. A longer recording tells more."
+        )
     if account.noise_order and math.isfinite(account.noise_correlation_s):
         memory = f"an autoregression of order {account.noise_order}"
         yield f"What does not repeat is {memory}, alike over {number(account.noise_correlation_s)} s."

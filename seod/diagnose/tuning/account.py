@@ -33,6 +33,11 @@ class BlackBox:
     """[-] Parts of the largest command, and pressure, from which on a further slope is tried. Chosen."""
     lags: tuple[float, ...] = (0.5, 1.0, 2.0)
     """[rad] Earlier commands, times omega_n. Chosen."""
+    added: tuple[float, ...] = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
+    """[-] Mean squares of systematic parts that are added to see whether they are shown, over that of what is
+    left. Chosen."""
+    mostly: float = 0.75
+    """[-] Of the parts added, with either sign, that have to be shown. Chosen."""
 
 
 BLACK_BOX: Final = BlackBox()
@@ -49,6 +54,9 @@ class Grade:
     """[-] Of it systematic, at most: what a controller would meet each time. Chosen."""
     as_good: float = 0.95
     """[-] NRMSE of ARX or NARX, over the model's, down to which they are no better. Chosen."""
+    told: float = 0.5
+    """[-] NRMSE of a systematic part that would have been shown, over all that is left, at most, for the rest
+    to be called noise. Chosen: noise is then three quarters of the squared rest at least."""
 
 
 GRADE: Final = Grade()

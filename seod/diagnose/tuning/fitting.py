@@ -26,6 +26,9 @@ class FreeRun:
     least_gain: float = 0.05
     """[-] Part by which the error in one run has to fall, of rows that no fit saw: less is chance.
     Chosen."""
+    in_windows: float = 1.5
+    """[-] Longest window of a fit, over the usual length, up to which it is one of windows, and none in
+    longer runs. Chosen: between 1 and `longer`."""
 
 
 FREE_RUN: Final = FreeRun()

@@ -60,6 +60,7 @@ class Searched:
 
     Attributes:
         base: The baseline, fitted to all windows to fit.
+        last_base: The same fitted to all rows: its numbers are told.
         held: Its simulation of the windows held out.
         chosen: The best set of effects.
         seen: Its simulation of the windows to fit.
@@ -69,6 +70,7 @@ class Searched:
     """
 
     base: Fitted
+    last_base: Fitted
     held: HeldOut
     chosen: Chosen
     seen: HeldOut
@@ -90,8 +92,8 @@ def answered(
     `relevance` is the systematic rest from which on it is `unexplained`, over the movement's deviation.
     """
     seen = len(to_fit.series)
-    baseline, plain = _scored(searched.base, searched.held, seen)
-    extended, whole = _scored(searched.chosen.over_all, searched.chosen.held, seen)
+    baseline, plain = _scored(searched.last_base, searched.held, seen)
+    extended, whole = _scored(searched.chosen.last, searched.chosen.held, seen)
     base, best = Judged.of(searched.base, to_fit).held, searched.seen
     rest, rare = _remainder(searched, base)
     held = searched.chosen.held
@@ -120,7 +122,7 @@ def answered(
         remarks=(
             *dict.fromkeys(remark for each in checked for remark in each.remarks),
             *rare,
-            *_limited(searched.chosen.over_all),
+            *_limited(searched.chosen.last),
             *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
@@ -200,7 +202,7 @@ def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
 
 
 def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
-    best, one = searched.chosen.over_all, held_out.series[0]
+    best, one = searched.chosen.last, held_out.series[0]
     volts = float(np.max(np.abs(one.u)))
     asked = best.model, best.x, one.noise, volts, one.tick
     told = next_experiment(searched.effects, *asked)
@@ -208,7 +210,10 @@ def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
 
 
 def _scored(fitted: Fitted, held: HeldOut, seen: int) -> tuple[Score, list[Array]]:
-    """A model's figures; fits have seen the first `seen` recordings."""
+    """A model's figures: numbers and runs of `fitted`, held-out errors of `held`.
+
+    Fits have seen the first `seen` recordings.
+    """
     simulated, whole_nrmse, diverged = wholes(fitted.model, fitted.x, held.cut)
     sd = base_sd(fitted, covariance(fitted))
     told = score(fitted.model, fitted.x, held, whole_nrmse, diverged, sd)

@@ -31,12 +31,14 @@ class Chosen:
     Attributes:
         found: The set, fitted to the windows in which causes are searched.
         over_all: The same fitted to all rows but those held out: of a long recording these are more.
+        last: The same fitted to all rows: numbers and intervals that are told; no error held out is by it.
         without: Of each effect the set without it, fitted anew.
         held: Its simulation of the windows held out.
     """
 
     found: Fitted
     over_all: Fitted
+    last: Fitted
     without: Mapping[str, Judged]
     held: HeldOut
 
@@ -46,7 +48,7 @@ def found_effects(
 ) -> list[FoundEffect]:
     """In order of gain."""
     out = []
-    spread = covariance(chosen.over_all)
+    spread = covariance(chosen.last)
     causes = len(further_causes(chosen.found.model.scales, ()))
     for name, rest in chosen.without.items():
         if not EFFECTS[name].cause:
@@ -54,7 +56,7 @@ def found_effects(
         out.append(
             FoundEffect(
                 name=name,
-                parameters=effect_parameters(chosen.over_all, name, spread),
+                parameters=effect_parameters(chosen.last, name, spread),
                 gain=Gain(rest.held.nrmse, chosen.held.nrmse),
                 p_value=p_value(rest.held, chosen.held, causes),
                 indistinguishable_from=tuple(
