@@ -1,7 +1,7 @@
 """Advisories about what is locked (`make audit`): any that is known is a failure.
 
 Passes unasked only where PyPI's database of advisories does not answer, and says so; with AUDIT=required not
-even then. AUDIT_DATABASE=DIR asks a folder of OSV files instead (YAML or JSON, as of github.com/pypa/advisory-database),
+even then. AUDIT_DATABASE=DIR asks a folder of OSV files instead (as of github.com/pypa/advisory-database),
 and needs no network.
 """
 
@@ -26,7 +26,7 @@ DATABASE = "https://pypi.org/pypi/pip/24.0/json"
 TIMEOUT_S = 15.0
 ACCEPTED = {
     "PYSEC-2023-163": "numexpr refuses such expressions since 2.8.5, and asammdf gives it only its own",
-    "PYSEC-2023-121": "of the command line tool of zstd 1.4.10; the wheel has the library alone, and a later one",
+    "PYSEC-2023-121": "of the command line tool of zstd 1.4.10; the wheel has the library alone, a later one",
 }
 """Advisories that name no version in which they are mended, and do not apply: each with its reason."""
 
