@@ -114,8 +114,9 @@ mutants: $(READY)
 	nice -n 10 $(BIN)/python -m tests.mutants
 
 # Advisories about what is locked: any is a failure. Where PyPI's cannot be asked it says so, and fails only with AUDIT=required.
+# AUDIT_DATABASE=DIR asks a folder of OSV files, as github.com/pypa/advisory-database has them: without network.
 audit: $(READY)
-	AUDIT=$(AUDIT) $(BIN)/python .ci/audit.py
+	AUDIT=$(AUDIT) AUDIT_DATABASE=$(AUDIT_DATABASE) $(BIN)/python .ci/audit.py
 
 # What the daemon is made of, for whoever has to know (CycloneDX).
 sbom: $(READY)

@@ -339,11 +339,10 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A cause that was tried alone: the held-out NRMSE with it, `nan` where only a first step was tried."""
+    """A cause that was tried alone, and what it saved of the mean log error of windows fitted."""
 
     name: str
     gain: float
-    nrmse_with: float
     chosen: bool
 
 

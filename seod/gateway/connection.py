@@ -292,15 +292,18 @@ class Connection(asyncio.BufferedProtocol):
         request = call.requests[0]
         outcome = self._outcome(request)
         if isinstance(outcome, Awaitable):
-            self._spawn(self._answer_later(request, asyncio.ensure_future(outcome)), right)
+            under_way = asyncio.ensure_future(outcome)
+            task = self._spawn(self._answer_later(request, under_way), right)
+            task.add_done_callback(lambda _: forget(under_way))
         else:
             self._reply(reply_to(request, outcome))
 
-    def _spawn(self, work: Coroutine[Any, Any, None], right: str) -> None:
+    def _spawn(self, work: Coroutine[Any, Any, None], right: str) -> asyncio.Task[None]:
         self._under_way[right] += 1
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(lambda task: self._done(task, right))
+        return task
 
     async def _answer_later(self, request: Request | Refusal, outcome: Outcome) -> None:
         self._reply(reply_to(request, await settle(outcome)))
@@ -340,6 +343,13 @@ async def settle(outcome: Outcome) -> Outcome:
         return await outcome
     except RpcError as error:
         return error
+
+
+def forget(under_way: asyncio.Future[Any]) -> None:
+    """Nobody waits for an outcome any more: where its client left at once, its error is not told."""
+    if under_way.done() and not under_way.cancelled():
+        under_way.exception()
+    under_way.cancel()
 
 
 def reply_to(request: Request | Refusal, outcome: Outcome) -> str | None:

@@ -223,6 +223,7 @@ class Bus:
     Attributes:
         there, up, off, cut: Of the interface: it exists; it is up; it has left the bus; nobody acknowledges.
         slow: Factor on the time of a frame: other traffic has the rest.
+        works: Frames pass, both ways, in their time.
         on_command: Told of each command frame that the interface takes: socket, command.
         on_arrival: Told of each command frame that reaches the rig: data.
         on_sensor: Told of encoder frames that reach this computer: run enable, sound.
@@ -236,6 +237,7 @@ class Bus:
         self.there = self.up = True
         self.off = self.cut = False
         self.slow = 1.0
+        self.works = True
         self.sockets: list[CanSocket] = []
         self.queue: deque[tuple[CanSocket | None, bytes]] = deque()
         self.others: deque[tuple[int, bytes]] = deque()
@@ -244,11 +246,6 @@ class Bus:
         self.on_sensor: Callable[[bool, bool], None] = lambda *_: None
         self.on_foreign: Callable[[], None] = lambda: None
         self._busy = False
-
-    @property
-    def works(self) -> bool:
-        """Frames pass, both ways."""
-        return self.there and self.up and not self.off and not self.cut and self.slow == 1.0
 
     # ---- frames
 
@@ -335,6 +332,7 @@ class Bus:
         was_up, was_there, was_off = self.up, self.there, self.off
         for name, value in state.items():
             setattr(self, name, value)
+        self.works = all(getattr(self, name) == value for name, value in self.HEALTHY.items())
         self.world.note(f"bus {state}")
         if was_there and not self.there:
             self._tell_error(errno.ENODEV)

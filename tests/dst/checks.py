@@ -50,6 +50,7 @@ class Checks:
 
     def __init__(self, world: World, system: System, config: Any) -> None:
         self.world, self.system, self.config = world, system, config
+        self._wire = system.bus
         self.period = 1.0 / config.loop.rate_hz
         self.limit = config.axes["motor"].limits.output
         self.rig: Rig
@@ -226,10 +227,9 @@ class Checks:
     # ---- the rig
 
     def _step(self) -> None:
-        rig = self.rig
-        if not self.system.bus.works:
+        if not self._wire.works:
             self.bus_broken_at = self.world.now
-        if rig.volts != 0.0:
+        if self.rig.volts != 0.0:
             self._moving()
 
     def _moving(self) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from tests.dst.variety import variety
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from random import Random
@@ -156,14 +158,18 @@ class Operator:
 
 
 class Watcher:
-    """Subscribes to all topics, again whenever it was cut off."""
+    """Subscribes to what its seed wants to know, again whenever it was cut off."""
 
     def __init__(self, client: Client, rng: Random) -> None:
         self.client, self.rng = client, rng
+        wanted = variety(client.world.seed)
+        self.wanted: dict[str, Any] = {"topics": wanted.topics}
+        if wanted.messages_hz is not None:
+            self.wanted["rate_hz"] = wanted.messages_hz
         self.world = client.world
         self.world.at(self.world.now + 0.3, self._turn)
 
     def _turn(self) -> None:
         self.world.at(self.world.now + self.rng.uniform(0.2, 1.0), self._turn)
         if self.client.transport is None and self.client.connect():
-            self.client.call("subscribe", topics=["estimate", "sample", "event", "health"])
+            self.client.call("subscribe", **self.wanted)

@@ -34,6 +34,7 @@ import seod.supervisor.child
 import seod.supervisor.process
 from seod.files.user_files import create_recording
 from tests.dst import bus, line, net, processes, shells, sockets
+from tests.dst.variety import variety
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from tests.dst.world import World
 
 TICK_S = 0.01
-"""Gateway and observer look once a tick of the loop, as they do at 250 Hz: at 100 Hz more would be idle."""
 FIFO, NORMAL = (2e-6, 3e-5), (2e-5, 8e-4)
 """Wake-up delays [s] of what runs in real time, and of what does not."""
 
@@ -173,8 +173,9 @@ class System:
         yield seod.gateway.process, "prepare", lambda: None
         yield seod.gateway.server, "listen_on", lambda *_: None
         yield seod.observe.process, "leave_realtime", lambda: None
-        for module in (seod.gateway.process, seod.observe.process):
-            yield module, "POLL_S", TICK_S
+        looks = variety(self.world.seed).looks
+        yield seod.gateway.process, "POLL_S", TICK_S * looks[0]
+        yield seod.observe.process, "POLL_S", TICK_S * looks[1]
         make = seod.loop.process.Loop
         yield seod.loop.process, "Loop", lambda *arguments: self.loop_made(make(*arguments))
         make_mailbox = seod.gateway.desk.Mailbox

@@ -211,6 +211,7 @@ class Line:
         other_baud: The board's bit rate is another.
         loss: Part of the bytes that get lost, each way.
         noise: Part of the writes that have garbage before them, each way.
+        works: Bytes pass, both ways, whole.
         on_command: Told of each command that the port takes: port, command.
         on_bytes: Told of bytes that reach the board.
         on_sensor: Told of each sample that reaches this computer: run enable, sound.
@@ -228,6 +229,7 @@ class Line:
         self.world, self.rng = world, rng
         self.there, self.cut, self.other_baud = True, False, False
         self.loss = self.noise = 0.0
+        self.works = True
         self.ports: list[Port] = []
         self.inbox = bytearray()
         self.on_command: Callable[[Port, Command], None] = lambda *_: None
@@ -237,11 +239,6 @@ class Line:
         self._leaving: tuple[float, bytes] | None = None
         self._in_free = world.now
         self._stream = Stream()
-
-    @property
-    def works(self) -> bool:
-        """Bytes pass, both ways."""
-        return all(getattr(self, name) == value for name, value in self.HEALTHY.items())
 
     # ---- from this computer
 
@@ -310,6 +307,7 @@ class Line:
         was_there = self.there
         for name, value in state.items():
             setattr(self, name, value)
+        self.works = all(getattr(self, name) == value for name, value in self.HEALTHY.items())
         self.world.note(f"line {state}")
         if was_there and not self.there:
             ports, self.ports = self.ports, []

@@ -95,6 +95,15 @@ class Nudge:
             self.world.wake(task)
 
 
+def _cancel_all(loop: SimLoop) -> None:
+    """What is not done yet is cancelled and waited for, as `asyncio.run` does."""
+    tasks = asyncio.all_tasks(loop)
+    for task in tasks:
+        task.cancel()
+    if tasks:
+        loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
+
+
 def runner(world: World, network: Network) -> Callable[[Coroutine[Any, Any, Any]], Any]:
     """`asyncio.run` on simulated loops."""
 
@@ -103,6 +112,8 @@ def runner(world: World, network: Network) -> Callable[[Coroutine[Any, Any, Any]
         try:
             return loop.run_until_complete(main)
         finally:
+            if loop.process.alive:
+                _cancel_all(loop)
             for task in asyncio.all_tasks(loop):  # here and now: later their ends would meet another world
                 with contextlib.suppress(Dead, RuntimeError):
                     task.get_coro().close()  # type: ignore[union-attr]

@@ -26,6 +26,7 @@ from tests.dst.clients import Client, Operator, Watcher
 from tests.dst.exchange import FIFO, Once, System, exchanged
 from tests.dst.faults import KINDS, Fault, drawn
 from tests.dst.line import Board
+from tests.dst.variety import variety
 from tests.dst.world import INJECTED, START_S, Dead, World
 
 if TYPE_CHECKING:
@@ -62,9 +63,12 @@ class Outcome:
 
 
 @lru_cache
-def rig_config(wire: str) -> Any:
-    """The rig file, read once."""
-    return load_rig(RIGS[wire])
+def rig_config(wire: str, sensor_hz: int) -> Any:
+    """The rig file, read once, with another rate of its sensor."""
+    config = load_rig(RIGS[wire])
+    sender = config.driver["messages"]["Encoder"] if wire == "can" else config.driver
+    sender["rate_hz"] = sensor_hz
+    return config
 
 
 class Run:
@@ -76,11 +80,12 @@ class Run:
 
     def __init__(self, world: World, system: System, folder: Path, record: bool) -> None:
         self.world, self.system, self.folder, self.record = world, system, folder, record
-        self.config = rig_config(system.wire)
+        sensor_hz = variety(world.seed).sensor_hz
+        self.config = rig_config(system.wire, sensor_hz)
         self.processes: dict[str, Process] = {}
         self.checks = Checks(world, system, self.config)
         end: Any = Rig if system.wire == "can" else Board
-        self.rig = end(world, system.bus, Random(f"{world.seed} rig"), 200.0, 0.4)
+        self.rig = end(world, system.bus, Random(f"{world.seed} rig"), float(sensor_hz), 0.4)
         self.checks.rig = self.rig
         system.bus.on_sensor = self.checks.sensed
         system.bus.on_foreign = self.checks.commanded_by_others

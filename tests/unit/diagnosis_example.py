@@ -78,9 +78,9 @@ def example(windows=4, seconds=2.0, found=True):
         "coulomb_friction", {"level": level}, Gain(nrmse, 1.05 * floor), 1e-9, ("load_spring",)
     )
     candidates = (
-        Candidate("coulomb_friction", 3.0, 1.05 * floor, True),
-        Candidate("backlash", 0.4, 0.5 * nrmse, False),
-        Candidate("valve_lag", math.nan, math.nan, False),
+        Candidate("coulomb_friction", 3.0, True),
+        Candidate("backlash", 0.4, False),
+        Candidate("valve_lag", math.nan, False),
     )
     w = made[0]
     return Diagnosis(

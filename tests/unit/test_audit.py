@@ -89,3 +89,36 @@ def test_an_advisory_fails_and_a_missing_database_only_where_it_is_required(
     monkeypatch.setattr(audit, "missing", lambda: missing)
     monkeypatch.setattr(subprocess, "run", run)
     assert audit.main() == code
+
+
+ADVISORY = """
+id: PYSEC-1
+aliases: [CVE-1]
+affected:
+- package: {name: Some_Thing, ecosystem: PyPI}
+  ranges:
+  - type: ECOSYSTEM
+    events: [{introduced: "0"}, {fixed: "1.10"}, {introduced: "2.0"}, {last_affected: "2.1"}]
+  versions: ["1.2", "3.0.post1"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("version", "affected"),
+    [("1.2", 1), ("1.9", 1), ("1.10", 0), ("2.0", 1), ("2.1", 1), ("2.1.1", 0), ("3.0.post1", 1), ("9", 0)],
+)
+def test_a_folder_of_advisories_is_asked_without_network(
+    audit: Any, version: str, affected: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lock, database = tmp_path / "lock", tmp_path / "vulns" / "some-thing"
+    lock.write_text(f"some-thing=={version} ; python_version > '3' \\\n    --hash=sha256:00\nother==1.2\n")
+    database.mkdir(parents=True)
+    assert audit.ask_folder(database, lock) == 1, "an empty folder tells nothing"
+    (database / "PYSEC-1.yaml").write_text(ADVISORY)
+    assert audit.ask_folder(tmp_path, lock) == affected
+    told = "some-thing" if not affected else f"Some_Thing {version}: PYSEC-1 CVE-1"
+    assert (told in capsys.readouterr().out) == bool(affected)
+    (database / "PYSEC-1.yaml").write_text(ADVISORY.replace("PYSEC-1", next(iter(audit.ACCEPTED))))
+    assert audit.ask_folder(tmp_path, lock) == 0
+    (database / "PYSEC-1.yaml").write_text("withdrawn: 2024-01-01\n" + ADVISORY)
+    assert audit.ask_folder(tmp_path, lock) == 0

@@ -162,7 +162,7 @@ def test_the_best_fits_settle_where_steps_along_a_bent_valley_gain_little():
 def test_what_is_but_a_gain_of_two_commands_is_not_tried():
     sizes = Scales(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 10.0, 1.0, 1e-3)
     assert set(searched_causes(sizes)) >= hidden_by_relay().keys()
-    assert not set(searched_causes(replace(sizes, two_commands=True))) & hidden_by_relay().keys()
+    assert not set(searched_causes(replace(sizes, levels=2))) & hidden_by_relay().keys()
 
 
 def test_a_relay_s_plant_is_not_damped_beyond_what_shows():

@@ -25,12 +25,11 @@ class Scales:
         middle: Of the travel [unit].
         sees_speed: The sensor sees the speed: where the load is nobody knows.
         step: Of a coarse sensor of positions [unit], 0 where none is seen.
-        slowest: Natural frequency that is searched, at least [rad/s]: of less, windows show no swing.
+        slowest: Natural frequency that is searched, at least [rad/s]: of less, windows show no oscillation.
         damped: Largest zeta that is searched.
         warmer: The temperature changes.
         relayed: A relay gave the commands: two of them, with another bias four.
-        two_commands: There are no more than two.
-        levels: How many different ones there are.
+        levels: How many different commands there are.
         pressed: The supply pressure changes.
         force: Standard deviation of what is measured of a disturbance [its unit], 0 without such a channel.
         reading: Largest reading, either way [unit of y].
@@ -53,9 +52,13 @@ class Scales:
     damped: float = 20.0
     warmer: bool = False
     relayed: bool = False
-    two_commands: bool = False
     levels: int = 1000
     pressed: bool = False
     force: float = 0.0
     reading: float = 1.0
     given: frozenset[str] = frozenset()
+
+    @property
+    def two_commands(self) -> bool:
+        """There are no more than two commands: what depends on their size is another gain then."""
+        return self.levels <= 2

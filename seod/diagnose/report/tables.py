@@ -83,11 +83,10 @@ def ranking(d: Diagnosis) -> str:
         [
             f"<b>{escape(each.name)}</b>" if each.chosen else escape(each.name),
             _bar(each.gain / most if most > 0.0 else 0.0, each.chosen),
-            percent(each.nrmse_with),
         ]
         for each in d.candidates
     ]
-    return table(["cause, alone", "gain in the windows fitted", "error that it would leave"], rows, "ranking")
+    return table(["cause, alone", "gain in the windows fitted"], rows, "ranking")
 
 
 def _bar(part: float, chosen: bool) -> str:

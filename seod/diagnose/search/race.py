@@ -27,6 +27,7 @@ from seod.diagnose.fitting.initial_states import best_states, carried_states, si
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.record.command_period import in_step
 from seod.diagnose.search.first_order_gain import ParentResidual
+from seod.diagnose.starts.effect_starts import effect_starts
 from seod.diagnose.tuning.fitting import FIT
 from seod.diagnose.tuning.search import RACE
 from seod.diagnose.tuning.starts import EFFECT_STARTS
@@ -36,10 +37,6 @@ if TYPE_CHECKING:
 
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
-
-from seod.diagnose.starts.effect_starts import effect_starts
-
-if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
 

@@ -20,14 +20,29 @@ if TYPE_CHECKING:
     from seod.diagnose.search.screen import Screen
 
 
-def refined(fitted: Fitted, cut: Cut, screen: Screen) -> Fitted:
-    """The same fitted to all windows."""
-    return _refined(fitted, cut, screen)
+def refined(
+    found: Fitted, cut: Cut, screen: Screen, most: int = FIT.most_steps, enough: float = FIT.least_improvement
+) -> Fitted:
+    """The same set fitted to these windows; where it fits some of them alone, also from the grid's plants."""
+    model, ended = found.model, screen.budget.last_fit()
+
+    def fitted(x: Array, steps: int) -> Fitted:
+        start = begun_states(model, x, cut, *known_states(found, cut))
+        return fit(model, cut, x, start, steps, parallel=screen.parallel, ended=ended, enough=enough)
+
+    best = fitted(found.x, most)
+    if not _uneven(best):
+        return best
+    values = model.values(best.x)
+    others = [
+        model.searched(begun_from(values, plant.values())) for plant in screen.plants(model, model.names)
+    ]
+    return min([best, *(fitted(x, REFINE.steps_elsewhere) for x in others)], key=lambda one: one.cost)
 
 
-def settled(fitted: Fitted, cut: Cut, screen: Screen) -> Fitted:
+def settled(found: Fitted, cut: Cut, screen: Screen) -> Fitted:
     """Likewise, to where hardly anything changes: along a bent valley steps gain little and lead far."""
-    return _refined(fitted, cut, screen, REFINE.fine_steps, REFINE.fine_improvement)
+    return refined(found, cut, screen, REFINE.fine_steps, REFINE.fine_improvement)
 
 
 def fitted_over_all(fitted: Fitted, cut: Cut, parallel: ParallelMap) -> Fitted:
@@ -45,25 +60,6 @@ def fitted_over_all(fitted: Fitted, cut: Cut, parallel: ParallelMap) -> Fitted:
         parallel=parallel,
         enough=REFINE.fine_improvement,
     )
-
-
-def _refined(
-    found: Fitted, cut: Cut, screen: Screen, most: int = FIT.most_steps, enough: float = FIT.least_improvement
-) -> Fitted:
-    model, ended = found.model, screen.budget.last_fit()
-
-    def fitted(x: Array, steps: int) -> Fitted:
-        start = begun_states(model, x, cut, *known_states(found, cut))
-        return fit(model, cut, x, start, steps, parallel=screen.parallel, ended=ended, enough=enough)
-
-    best = fitted(found.x, most)
-    if not _uneven(best):
-        return best
-    values = model.values(best.x)
-    others = [
-        model.searched(begun_from(values, plant.values())) for plant in screen.plants(model, model.names)
-    ]
-    return min([best, *(fitted(x, REFINE.steps_elsewhere) for x in others)], key=lambda one: one.cost)
 
 
 def _uneven(fitted: Fitted) -> bool:

@@ -59,7 +59,7 @@ class Screen:
         `base` is fitted to all windows. A relay's are alike.
         """
         windows, few = self.every.windows, [self.cut.windows[k] for k in self.few]
-        if any(recording.relayed for recording in self.every.series):
+        if self.every.relayed:
             return self
         square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
         worst = max(windows, key=lambda one: square[one])

@@ -29,7 +29,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     position = states[:, POSITION]
     places = np.concatenate([_places(one) for one in used])
     return Scales(
-        volts=max(float(np.max(np.abs(one.u - 0.0))) for one in used),
+        volts=max(float(np.max(np.abs(one.u))) for one in used),
         speed=max(float(np.std(speed)), SIZES.least),
         pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), SIZES.least),
         centre=float(np.mean(places)),
@@ -42,9 +42,8 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         sees_speed=fitted.model.sees_speed,
         step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
         warmer=_range([one.warmth for one in used]) > 0.5,
-        relayed=all(one.relayed for one in used),
-        levels=max(len(np.unique(one.u)) for one in used),
-        two_commands=all(len(np.unique(one.u)) <= 2 for one in used),
+        relayed=cut.relayed,
+        levels=max(one.levels for one in used),
         pressed=_range([one.supply for one in used]) > 0.02,
         force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
         reading=max(SIZES.least, *(float(np.max(np.abs(one.y[one.good]))) for one in used)),

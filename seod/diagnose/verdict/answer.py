@@ -236,13 +236,8 @@ def _candidates(searched: Searched) -> tuple[Candidate, ...]:
     """Causes that were tried alone, by what they save of the mean log error."""
     reference = max(one.cost for one in searched.grown.best)
     names = {each.name for each in searched.effects}
-    out = []
-    for one in searched.grown.tried.values():
-        if len(one.model.names) == 1:
-            gain = reference - one.cost
-            nrmse_with = searched.held.nrmse * math.exp(-0.5 * gain)
-            name = one.model.names[0]
-            out.append(Candidate(name, gain, nrmse_with, name in names))
+    alone = [(one.model.names[0], one) for one in searched.grown.tried.values() if len(one.model.names) == 1]
+    out = (Candidate(name, reference - one.cost, name in names) for name, one in alone)
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 
 
 def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
-    """The share of the baseline's squared error above the noise that remains."""
+    """The share of the baseline's squared error above the noise that remains; none where noise alone does.
+
+    Whether more than noise is left is asked of the extended model's error over the noise's (`adequacy`), not
+    of the share. `systematic_part` says how much of it counts.
+    """
     if extended.adequacy < HELD_OUT.adequate:
         return Unexplained(0.0)
     return _fraction(_above_noise(baseline), _above_noise(extended), extended)
