@@ -26,6 +26,7 @@ FAILS = FAILS_ONCE.replace("len(runs) == 2", "False")
 UNMARKED = FAILS_ONCE.replace("@pytest.mark.processes", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "times", "passed", "named"),
     [
