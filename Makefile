@@ -8,6 +8,8 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3; do \
 BIN := .venv/bin
 # several threads of a linear algebra library wait for each other longer than they compute
 export OPENBLAS_NUM_THREADS := 1
+# each daemon and each test process would translate all sources anew: 3 s of processor time a daemon
+unexport PYTHONDONTWRITEBYTECODE
 READY := .venv/ready
 # what the daemon needs and no more: a first try takes a minute, not the checks' five
 RUNS := .venv/runs
@@ -17,17 +19,20 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
-.PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes dst blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
-test: lint docs
-	$(BIN)/pytest tests/unit -n auto --dist loadfile
+# What uses one processor goes two at a time. By name, not by count of tests: those that take longest are not last.
+UNIT := $(BIN)/pytest tests/unit -n auto --dist loadfile --no-loadscope-reorder
+NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.ipynb
+
+test: $(READY)
+	$(MAKE) --jobs=2 --output-sync=target lint docs fuzz-briefly notebook
+	$(UNIT)
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
-	$(BIN)/python bench/fuzz.py --for 3 --target jsonrpc,can,serial,text,rig
-	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -45,18 +50,21 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=true $(BIN)/mkdocs build --strict --quiet
 
 notebook: $(READY)
-	$(BIN)/pytest --nbmake docs/start/notebook.ipynb
+	$(NOTEBOOK)
 
 # What commands print, into the pages that show it.
 outputs: $(READY)
 	$(BIN)/python docs/outputs.py
 
 unit: $(READY)
-	$(BIN)/pytest tests/unit -n auto --dist loadfile -m "not slow and not processes"
+	$(UNIT) -m "not slow and not processes"
 
 # Bytes by coverage into all that takes them: FOR=600 [s] each; the corpus stays in build/corpus.
 fuzz-bytes: $(READY)
 	$(BIN)/python bench/fuzz.py --for $(or $(FOR),20)
+
+fuzz-briefly: $(READY)
+	$(BIN)/python bench/fuzz.py --for 3 --target jsonrpc,can,serial,text,rig
 
 # New random examples for parsers, configurations and estimators: what fails becomes an @example.
 fuzz: $(READY)

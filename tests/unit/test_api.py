@@ -189,6 +189,7 @@ def test_a_simulation_is_data_and_the_command_writes_the_same(tmp_path):
     assert made.save(tmp_path / "own.csv").read_bytes() == out.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_command_in_memory_is_followed():
     t = np.arange(2000) / 2000.0
     made = seod.simulate(

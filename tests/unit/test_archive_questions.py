@@ -145,6 +145,7 @@ def test_a_page_shows_names_and_no_markup_of_theirs(tmp_path):
     assert "<b>" not in out
 
 
+@pytest.mark.slow
 def test_the_commands_answer(folder, tmp_path):
     code, out, err = invoke("archive", folder)
     assert (code, out, err) == (0, f"{folder}: 22 recordings, 0 read now\n", "")

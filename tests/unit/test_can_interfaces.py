@@ -217,6 +217,7 @@ print(json.dumps(told))
 IN_A_NETWORK_OF_ITS_OWN = 'ip link set lo up && ip route add 224.0.0.0/4 dev lo && exec "$@"'
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("unshare"), reason="needs root and unshare")
 @pytest.mark.skipif(find_spec("msgpack") is None, reason="needs msgpack")
 def test_own_frames_of_udp_multicast_come_back_and_are_our_own() -> None:

@@ -51,6 +51,7 @@ async def test_commands_reach_the_rig():
         assert told[4:] == [("reset", None), ("reset", 1)]
 
 
+@pytest.mark.slow
 async def test_answers_for_people_and_for_programs():
     async with running() as run:
         run.loop.rows(1000)
@@ -69,6 +70,7 @@ async def test_answers_for_people_and_for_programs():
         assert json.loads(out)["rig"] == "fake"
 
 
+@pytest.mark.slow
 async def test_watch_ends_after_so_many_estimates():
     async with running() as run:
         watching = asyncio.create_task(on(run, "watch", "--count", "2", "--for", "20"))

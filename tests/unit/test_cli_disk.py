@@ -47,6 +47,7 @@ def recording(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "file"),
     [
@@ -83,6 +84,7 @@ def test_a_full_disk_is_told_with_its_file_by_slow_commands(words, file, recordi
     test_a_full_disk_is_told_with_its_file(words, file, recording, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_not_there_is_told(recording, tmp_path):
     for words in (["export", recording, "--to", "csv", "--out"], ["info", recording, "--plot"]):
         code, err = limited(

@@ -162,6 +162,7 @@ async def test_watch_writes_lines_where_there_is_no_terminal():
     assert all("motor  " in line and "omega_n=" in line for line in lines[1:])
 
 
+@pytest.mark.slow
 async def test_watch_draws_a_table_in_a_terminal():
     async with running() as run:
         shown = await watched(run, Terminal(), 5, lambda: run.loop.become(AxisState.EXCITING))
@@ -187,6 +188,7 @@ def blocking_closed(run):
     return client
 
 
+@pytest.mark.slow
 async def test_the_board_follows_events_and_tells_ages_and_faults():
     async with running() as run:
         run.loop.rows(1000)

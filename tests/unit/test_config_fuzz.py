@@ -105,6 +105,7 @@ def test_no_mutation_of_an_example_crashes_the_loader(document: object) -> None:
     judge(written(document))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, len(TEXT)), st.integers(0, 40), st.text(max_size=6))
 def test_no_damage_to_the_text_crashes_the_loader(at: int, length: int, inserted: str) -> None:
@@ -114,6 +115,7 @@ def test_no_damage_to_the_text_crashes_the_loader(at: int, length: int, inserted
 positive = st.floats(1e-3, 10.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     rate=st.floats(100, 10_000),

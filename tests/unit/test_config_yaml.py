@@ -179,6 +179,7 @@ def test_a_token_in_a_broken_line_is_not_repeated() -> None:
         assert "hushhush" not in problem.message + problem.right
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["virtual.yaml", "can.yaml", "seat-can.yaml"])
 def test_a_rig_file_with_one_character_less_is_told_near_it(name: str) -> None:
     """Each colon and bracket of a real file, taken out one at a time: told at its line or the next."""
@@ -205,6 +206,7 @@ _fragments = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.one_of(st.text(max_size=60), st.lists(_fragments, max_size=25).map("".join)))
 @example("%YAML 1." + "1" * 5000 + "\n--- a")

@@ -98,6 +98,7 @@ def test_reading_may_be_left_and_begun_again(path):
     source.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("then", "said"),
     [(crashed, "crashed (SIGSEGV)"), (endless, "found no end"), (fail, "KeyError: 'block 7'")],
@@ -118,6 +119,7 @@ def test_a_reader_that_stands_still_is_ended(path, monkeypatch):
     assert "stood still" in remarks[1]
 
 
+@pytest.mark.slow
 def test_a_reader_that_is_slow_is_waited_for(path, monkeypatch):
     monkeypatch.setattr(apart, "STILL_S", 1.5)
     assert read(path, slow) == (3, ["z: is odd"])

@@ -226,6 +226,7 @@ def test_a_file_that_goes_on_in_another_encoding_is_read_on(tmp_path):
     assert read(path).t[-1] == 20_000.0
 
 
+@pytest.mark.slow
 def test_a_small_file_cannot_take_much_memory(tmp_path):
     path = tmp_path / "run.csv.gz"
     path.write_bytes(bomb(b"1", 1 << 29))

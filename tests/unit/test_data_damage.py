@@ -53,6 +53,7 @@ def kinds_of(recording):
     return {problem.kind for problem in recording.problems}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mat7.3"])
 def test_sound_files_have_no_damage(kind, sound, tmp_path):
     path = tmp_path / f"run{KINDS[kind].suffix}"
@@ -64,6 +65,7 @@ def test_sound_files_have_no_damage(kind, sound, tmp_path):
     assert not {"damaged", "truncated"} & kinds_of(recording)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=60,
     deadline=None,

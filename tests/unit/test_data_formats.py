@@ -296,6 +296,7 @@ def test_all_that_is_in_a_recording(tmp_path):
     assert [group.main for group in source.groups] == [True, False, False, False, False, False]
 
 
+@pytest.mark.slow
 def test_a_recording_that_was_cut_off_is_read_to_its_last_whole_chunk(tmp_path):
     path = tmp_path / "a.mcap"
     table = rows(1000, 2)

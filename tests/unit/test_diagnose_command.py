@@ -68,6 +68,7 @@ def test_a_table_and_sentences(asked, recording):
     assert (len(recordings), len(holdout), options.output, options.usual) == (1, 0, None, "position")
 
 
+@pytest.mark.slow
 def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
     out = tmp_path / "found"
     result = typed(recording, "--json", "--out", out, "--holdout", recording)
@@ -82,6 +83,7 @@ def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answe
     assert len(asked[0][1]) == 1
 
 
+@pytest.mark.slow
 def test_the_folder_holds_report_and_a_rig_that_loads(asked, recording, tmp_path):
     out = tmp_path / "deep" / "found"
     result = typed(recording, "--out", out)
@@ -99,6 +101,7 @@ def test_the_folder_holds_report_and_a_rig_that_loads(asked, recording, tmp_path
         assert plant.effects["coulomb_friction"] == {"level": LEVEL}
 
 
+@pytest.mark.slow
 def test_with_a_rig_file_its_own_text_is_extended(asked, recording, tmp_path):
     typed(recording, "--out", tmp_path, "--config", VIRTUAL)
     text = (tmp_path / "extended.yaml").read_text()
@@ -108,6 +111,7 @@ def test_with_a_rig_file_its_own_text_is_extended(asked, recording, tmp_path):
     assert not (tmp_path / "extended-can.yaml").exists()
 
 
+@pytest.mark.slow
 def test_a_rig_on_a_bus_gets_its_dbc_beside_it(asked, recording, tmp_path):
     result = typed(recording, "--out", tmp_path, "--config", configs_dir() / "can.yaml")
     assert (result.exit_code, "no extended rig" in result.stdout) == (0, False)

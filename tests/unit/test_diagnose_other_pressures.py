@@ -35,6 +35,7 @@ def test_nominal_is_the_mean_of_what_is_fitted():
     assert nominal_conditions([warm]) == {"nominal_temperature": 40.0, "nominal_f": 3.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("second", "pressed"), [(7e6, False), (9e6, True)])
 def test_pressure_changes_from_recording_to_recording(second, pressed):
     every = [series(made(ps, seed), sees_speed=True, nominal_ps=8e6) for seed, ps in ((1, 7e6), (2, second))]

@@ -81,6 +81,7 @@ def test_it_says_what_was_found(html, found):
     assert html.count("<svg") == 13  # the command is not periodic: no harmonics, no phase
 
 
+@pytest.mark.slow
 def test_a_clean_record_shows_one_model_and_no_causes():
     clean = example(found=False)
     html = page(clean, "rad", ["a.csv"])
@@ -151,6 +152,7 @@ def test_the_only_cause_has_all_of_the_share(found):
     assert found.share(found.effects[0]) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_left_the_recording_is_not_drawn_over_it(found):
     gone = replace(found, baseline=replace(found.baseline, diverged=True))
     html = page(gone, "rad", ["a.csv"])
@@ -158,6 +160,7 @@ def test_a_simulation_that_left_the_recording_is_not_drawn_over_it(found):
     assert "error of the baseline" not in next(p for p in pictures(html) if "in one simulation" in p)
 
 
+@pytest.mark.slow
 def test_a_command_that_repeats_itself_shows_harmonics_and_phase(found):
     """Errors of odd and even harmonics, of 3 and 1 % of the measurement's fundamental."""
     turn = 2.0 * np.pi * np.arange(2000) / 125.0
@@ -250,6 +253,7 @@ def test_a_narrow_page_scrolls_what_is_wide(html):
     assert html.count('<div class="scroll wide"><svg') == len(wide) == 3
 
 
+@pytest.mark.slow
 def test_the_page_says_what_it_was_made_of(found):
     recording = recorded(np.arange(1500) / 500.0)
     command = "seod diagnose 'a <b>.csv' --units y=mm"
@@ -282,6 +286,7 @@ def test_units_follow_that_of_y(unit, output, told):
     assert units.named("unit/s^2 for each unit of f") == f"{units.acceleration} for each unit of f"
 
 
+@pytest.mark.slow
 def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
     bristles = {"coulomb_friction": {"level": 400.0}, "lugre_friction": {"stiffness": 1e5, "damping": 150.0}}
     more = replace(found, extended=replace(found.extended, effects=bristles))
@@ -291,6 +296,7 @@ def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
     assert "K_L [mm/s/V]" in as_text(more, "mm")
 
 
+@pytest.mark.slow
 def test_a_load_is_under_pressure_only_where_a_supply_pressure_was_recorded(found):
     assert "load pressure" not in page(found, "m", ["a.csv"])
     supplied = tuple(replace(w, ps=np.full(len(w.t), 7e6)) for w in found.windows)

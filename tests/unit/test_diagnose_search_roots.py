@@ -68,6 +68,7 @@ def behind(read, omega_n=60.0, zeta=0.4):
     return fit(model, windows, x, simulated_states(model, x, windows), most=4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [1.0, 2.0])
 def test_behind_a_sensor_without_sign_the_search_begins_at_the_plant(power):
     base = behind(lambda speed: 10.0 * (np.abs(speed) / 10.0) ** power)
@@ -84,6 +85,7 @@ def test_of_readings_of_either_sign_there_is_no_such_root():
     assert unsigned_root(base.model, base.cut, scales(base, base.cut)) is None
 
 
+@pytest.mark.slow
 def test_a_speed_that_never_turns_keeps_its_sign():
     """It comes down to 0 and no further, and the baseline explains it."""
     base = behind(lambda speed: speed - np.min(speed))

@@ -99,6 +99,7 @@ def test_no_stage_keeps_a_number_of_its_own():
     assert {name for path in files for name in constants(path)} <= NEITHER
 
 
+@pytest.mark.slow
 def test_every_number_is_used():
     sources = "".join(
         path.read_text() for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT / "tuning"

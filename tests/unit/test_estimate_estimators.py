@@ -166,6 +166,7 @@ class TestQuality:
         assert last.asymmetry == pytest.approx(0.15, abs=0.02)
         assert "bias" in last.advice
 
+    @pytest.mark.slow
     def test_chatter_is_noisy_and_asks_for_hysteresis(self, method):
         last = last_word(rows(Loop(0.45, 20.0, noise=0.05), 3.0), method=method)
         assert last.quality == "noisy"

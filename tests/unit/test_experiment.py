@@ -74,6 +74,7 @@ def test_velocity_mode_starts_at_its_speed():
     assert np.count_nonzero(np.diff(found.u)) > 20
 
 
+@pytest.mark.slow
 def test_pressure_and_temperature_act_row_by_row():
     t, n = ticks(8000), 8000
     effects = {"square_root_flow": {"supply": 1e9}, "parameter_drift": {"K_L_thermal": 0.01}}

@@ -136,6 +136,7 @@ _logger(Path(sys.argv[1])).stop()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.blf", "a.asc", "a.log", "a.mf4"])
 def test_a_bus_log_is_for_its_owner_and_group(name, tmp_path, open_umask):
     (tmp_path / name).touch()

@@ -60,6 +60,7 @@ def test_the_rig_file_may_have_a_warning_instead(bench: Callable[..., Bench]) ->
     assert [(w["code"], w["why"]) for w in rig.take("warning")] == [("foreign_command", TOLD)], "told once"
 
 
+@pytest.mark.slow
 def test_estimates_under_somebody_elses_commands_are_of_quality_fault() -> None:
     rig = Bench(WARN)
     whole = WholeRig(rig)

@@ -45,6 +45,7 @@ async def test_an_estop_comes_before_all_that_waits_and_nothing_of_that_is_carri
     assert "an e-stop came after it" in replies[7]["error"]["message"]
 
 
+@pytest.mark.slow
 async def test_an_estop_overtakes_what_other_clients_asked_before():
     async with running() as run, peer(run) as client, peer(run) as other:
         run.loop.silent = True  # so that commands stay under way

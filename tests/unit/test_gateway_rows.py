@@ -113,6 +113,7 @@ async def test_estimation_rests_where_rows_would_be_lost_and_these_still_come(mo
         await eventually(lambda: Counting.updates == before + 10)
 
 
+@pytest.mark.slow
 async def test_recording_goes_with_the_stream_and_is_whole_at_the_end(tmp_path):
     path = tmp_path / "a.csv"
     async with running(record=path) as run, peer(run) as client:

@@ -62,6 +62,7 @@ def rows(s):
     return zip(*(s[name] for name in names), strict=True)
 
 
+@pytest.mark.slow
 def test_it_moves_as_a_truth_written_apart():
     p = {
         "rated_flow": 30 * LITRE, "rated_volts": 10.0, "rated_drop": 21e6, "gap": 0.7 / 30 * 10, "ps": 8e6,

@@ -51,6 +51,7 @@ def wheel(folder: Path, name: str, version: str, code: str = "") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_what_was_built_into_the_wheelhouse_is_met_by_its_own_hash(tmp_path: Path) -> None:
     wheel(tmp_path, "built_here", "1.0")
     wheel(tmp_path, "seod", "1.2.3")

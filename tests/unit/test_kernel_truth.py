@@ -130,6 +130,7 @@ def test_readings_are_whole_counts_of_reading_and_noise():
     np.testing.assert_allclose(y / 0.003, np.floor(smooth / 0.003 + 0.5), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latency", [0.0, 3e-4, 1.7e-3], ids=lambda each: f"{each * 1e3:g} ms")
 @pytest.mark.parametrize(
     ("names", "sees_speed"),
@@ -153,6 +154,7 @@ def test_a_sampled_relay_makes_the_same_decisions(names, sees_speed, latency):
     np.testing.assert_array_equal(t_u, t + latency)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "options"),
     [

@@ -214,6 +214,7 @@ def fonts(tmp_path_factory):
     league.draw(results(), tmp_path_factory.mktemp("fonts"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("fonts")
 def test_all_tables_are_made_of_what_there_is(tmp_path):
     silent = [{"wave": Said("asymmetric", [0.01, 0.01])} for _ in range(5)]

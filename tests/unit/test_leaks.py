@@ -91,7 +91,7 @@ def run(pytester: pytest.Pytester, source: str, *options: str) -> pytest.RunResu
     pytester.makeconftest(CONFTEST.read_text())
     pytester.makepyfile(source)
     pytester.makeini("[pytest]\nasyncio_mode = auto\nasyncio_default_fixture_loop_scope = function\n")
-    return pytester.runpytest_subprocess("-W", "error", *options)
+    return pytester.runpytest_subprocess("-p", "no:nbmake", "-W", "error", *options)
 
 
 def test_each_kind_of_leak_fails(pytester: pytest.Pytester) -> None:

@@ -168,6 +168,7 @@ class TestLevels:
         assert dependence(1.0, replace(ANSWER, omega_n=None), 0.5, ANSWER) is None
 
 
+@pytest.mark.slow
 async def test_it_is_told_once_and_each_estimate_has_it():
     async with running() as run, peer(run) as client:
         axis = run.rig.axes["motor"]

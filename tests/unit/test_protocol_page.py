@@ -49,6 +49,7 @@ def service() -> Service:
     return Service(config, rig, rig)
 
 
+@pytest.mark.slow
 async def test_answers_and_notifications() -> None:
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["estimate", "sample", "health"])

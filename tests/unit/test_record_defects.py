@@ -158,6 +158,7 @@ def test_true_times_that_are_uneven_are_no_jitter():
     ] == []
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(step=st.floats(0.03, 0.3), offset=st.floats(-1.0, 1.0), before=st.booleans())
 def test_counts_are_found_before_or_after_noise(step, offset, before):

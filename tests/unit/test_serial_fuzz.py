@@ -116,6 +116,7 @@ def driver_on(line: Line, clock: Callable[[], float], **changes: object) -> Seri
     return driver
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [{}, {"format": "ascii", "fields": ["time", "sequence", "ack", "age", "angle", "enable"]}],

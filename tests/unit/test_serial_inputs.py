@@ -35,6 +35,7 @@ TOLD = st.tuples(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.lists(TOLD, max_size=50))
 def test_times_rise_and_are_within_the_bounds_whatever_a_board_tells(

@@ -98,6 +98,7 @@ def certificate(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 async def test_tls(certificate):
     tls = {"certificate": "cert.pem", "key": "key.pem"}
     async with running(tls=tls, base=certificate, command_token=COMMAND) as run:
@@ -124,6 +125,7 @@ async def seod_status(run, *options, **environment):
     return process.returncode, said.decode()
 
 
+@pytest.mark.slow
 async def test_the_command_line_is_told_of_tls_and_takes_the_environment(certificate):
     tls = {"certificate": "cert.pem", "key": "key.pem"}
     async with running(tls=tls, base=certificate, command_token=COMMAND) as run:

@@ -28,6 +28,7 @@ def test_frequencies_are_those_of_the_transfer_function(zeta):
     assert second_order.phase_90(zeta) == pytest.approx(omega[np.argmax(phase < -90.0)], rel=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [0.05, 0.21, 0.45, 0.69, 0.9, 1.0, 1.3, 5.0])
 def test_step_figures_are_those_of_a_simulated_step(zeta):
     t = np.linspace(0.0, 120.0, 600_001)

@@ -26,6 +26,7 @@ FAILS = FAILS_ONCE.replace("len(runs) == 2", "False")
 UNMARKED = FAILS_ONCE.replace("@pytest.mark.processes", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "times", "passed", "named"),
     [
@@ -41,6 +42,6 @@ def test_a_test_runs_again_only_where_time_was_stolen(
     pytester.makeini("[pytest]\nmarkers = processes: these")
     pytester.makeconftest(HOOKS.format(repo=str(Path(__file__).parents[2]), times=times))
     pytester.makepyfile(text)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result = pytester.runpytest_subprocess("-p", "no:nbmake", "-p", "no:cacheprovider")
     result.assert_outcomes(passed=passed, failed=1 - passed)
     assert ("0.10 s were taken from the machine" in result.stdout.str()) is named

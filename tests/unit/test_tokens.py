@@ -147,6 +147,7 @@ def test_any_token_is_taken_out_of_any_file_and_nothing_else(token, form, ascii_
         assert again == {**rig, "server": {"port": 7600, "tls": None}}
 
 
+@pytest.mark.slow
 def test_messages_do_not_quote_tokens(tmp_path):
     wrong = (
         f"  - read_token: {READ}\n",
