@@ -5,21 +5,22 @@
 
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
-BIN := .venv/bin
+VENV ?= .venv
+BIN := $(VENV)/bin
 # several threads of a linear algebra library wait for each other longer than they compute
 export OPENBLAS_NUM_THREADS := 1
 # each daemon and each test process would translate all sources anew: 3 s of processor time a daemon
 unexport PYTHONDONTWRITEBYTECODE
-READY := .venv/ready
+READY := $(VENV)/ready
 # what the daemon needs and no more: a first try takes a minute, not the checks' five
-RUNS := .venv/runs
+RUNS := $(VENV)/runs
 PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 
 # a wheel is the same bytes whoever builds it, whenever
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
-.PHONY: run test lint format outputs docs notebook unit fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs docs notebook unit pythons fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -58,6 +59,14 @@ outputs: $(READY)
 
 unit: $(READY)
 	$(UNIT) -m "not slow and not processes"
+
+# The quick unit tests by each supported Python that is at hand, each in an environment of its own. A minute or two for each to
+# install, so CI has the one that it finds, and a release (.ci/release) all.
+pythons:
+	@for version in 3.11 3.12 3.13; do \
+		if python$$version -c '' 2>/dev/null; then \
+			$(MAKE) unit PYTHON=python$$version VENV=build/python$$version || exit 1; \
+		else echo "python$$version is not at hand: not tested"; fi; done
 
 # Bytes by coverage into all that takes them: FOR=600 [s] each; the corpus stays in build/corpus.
 fuzz-bytes: $(READY)
@@ -149,8 +158,8 @@ $(RUNS): requirements-run.lock pyproject.toml
 		package=$$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'); \
 		test "$$(id -u)" = 0 || { echo "seod needs Python's venv module: sudo apt-get install $$package"; exit 1; }; \
 		apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$package; }
-	$(PYTHON) -m venv .venv
-	@echo "installing what seod needs into .venv: a minute or two"
+	$(PYTHON) -m venv $(VENV)
+	@echo "installing what seod needs into $(VENV): a minute or two"
 	$(PIP) install -r requirements-run.lock
 	$(PIP) install --no-deps -e .
 	@touch $@
