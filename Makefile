@@ -120,7 +120,7 @@ wheelhouse: $(READY)
 
 # Unit tests reach each branch of what must not fail: guard, course, supervisor, neutral, the board's clock.
 GUARDING := seod/loop/guard.py,seod/loop/course.py,seod/supervisor/*.py,drivers/device_clock.py,drivers/neutral.py
-GUARD_TESTS := device_clock device_clock_steps neutral course guard guard_limits guard_switches beside process supervisor
+GUARD_TESTS := device_clock device_clock_steps neutral course guard guard_limits guard_switches keeper process supervisor
 branches: $(READY)
 	$(BIN)/coverage run --branch --include='$(GUARDING)' -m pytest -q \
 		$(foreach name,$(GUARD_TESTS),tests/unit/test_$(name).py)

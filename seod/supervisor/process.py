@@ -23,8 +23,8 @@ from seod.processes import journal
 from seod.processes.handover import ChildArguments, die_with_parent, receive_json, send_json
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
-from seod.supervisor.beside import Keeper, Way
 from seod.supervisor.child import Child
+from seod.supervisor.keeper import Keeper, Way
 from seod.supervisor.say import say
 from seod.supervisor.sdnotify import notify, watchdog_interval
 
@@ -83,13 +83,13 @@ class Supervisor:
         self.poller.register(self.wake_read, select.POLLIN)
         self.loop: Child | None = None
         self.gateway: Child | None = None
-        beside = [name for name, wanted in (("panel", arguments.panel), ("fleet", arguments.fleet)) if wanted]
+        names = [name for name, wanted in (("panel", arguments.panel), ("fleet", arguments.fleet)) if wanted]
         self.way: Way | None = None
-        self.beside: list[Keeper] = []
-        if beside:
+        self.keepers: list[Keeper] = []
+        if names:
             self.way = Way()
             own_end = self.way.own_end.fileno()
-            self.beside = [Keeper(name, partial(self.child, f"seod.{name}", own_end)) for name in beside]
+            self.keepers = [Keeper(name, partial(self.child, f"seod.{name}", own_end)) for name in names]
         self.generation = 0
         self.gateway_starts = 0
         self.neutral: NeutralWriter = open_neutral({"kind": "none", "why": "the loop never opened the rig"})
@@ -141,11 +141,11 @@ class Supervisor:
         elif self.gateway is not None and fd == self.gateway.link.fileno():
             self.hear_gateway(self.gateway)
         else:
-            self.serve_beside(fd)
+            self.hear_keeper(fd)
 
-    def serve_beside(self, fd: int) -> None:
+    def hear_keeper(self, fd: int) -> None:
         """Panel or fleet says something, or has ended."""
-        for keeper in self.beside:
+        for keeper in self.keepers:
             child = keeper.child
             if child is not None and fd == child.pidfd:
                 keeper.died(self.drop)
@@ -258,7 +258,7 @@ class Supervisor:
         if self.arguments.duration is not None:
             self.ends_at = time.monotonic() + self.arguments.duration
         notify(f"READY=1\nSTATUS={self.arguments.rig}: running")
-        for keeper in self.beside:  # now: they must not hold up what the rig depends on
+        for keeper in self.keepers:  # now: they must not hold up what the rig depends on
             keeper.start()
 
     def watch_ticks(self) -> None:
@@ -386,7 +386,7 @@ class Supervisor:
             self.loop.end(self.still_here)
             self.shared.words[Word.FENCE] = self.generation
             self.write_neutral()
-        for keeper in self.beside:
+        for keeper in self.keepers:
             keeper.end()
         if self.gateway is not None:
             self.tell_gateway({"stop": True})

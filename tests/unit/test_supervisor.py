@@ -59,7 +59,7 @@ def test_a_supervisor_begins_with_nothing(bench: Bench) -> None:
     supervisor = bench.supervisor
     assert supervisor.arguments is bench.arguments
     assert (supervisor.shared.axes, supervisor.shared.rows) == (2, 64)
-    assert (supervisor.loop, supervisor.gateway, supervisor.way, supervisor.beside) == (None, None, None, [])
+    assert (supervisor.loop, supervisor.gateway, supervisor.way, supervisor.keepers) == (None, None, None, [])
     assert (supervisor.generation, supervisor.gateway_starts) == (0, 0)
     assert isinstance(supervisor.neutral, NoNeutral)
     assert supervisor.write_neutral() == "neutral not written: the loop never opened the rig"
@@ -103,7 +103,7 @@ def test_panel_and_fleet_are_kept_where_they_are_wanted(
 ) -> None:
     bench = make(**wanted)
     supervisor = bench.supervisor
-    assert [keeper.name for keeper in supervisor.beside] == names
+    assert [keeper.name for keeper in supervisor.keepers] == names
     assert supervisor.way is not None
     bench.started()
     assert [child.module for child in bench.children[2:]] == [f"seod.{name}" for name in names]
@@ -252,7 +252,7 @@ def test_the_daemon_is_announced_once_all_is_ready_and_a_tick_is_done(make: Call
 
     def silent() -> bool:
         supervisor.announce()
-        return not bench.notified and not supervisor.announced and supervisor.beside[0].child is None
+        return not bench.notified and not supervisor.announced and supervisor.keepers[0].child is None
 
     bench.words[Word.TICKS] = 1
     assert silent()
@@ -573,8 +573,8 @@ def test_panel_and_fleet_are_heard_and_started_again(
     assert capfd.readouterr().err == f"seod: the {name} process ended with exit code 1\n"
     assert len(bench.children) == 5
     assert bench.children[4].module == child.module
-    assert supervisor.beside[number].child is bench.children[4]
-    assert supervisor.beside[1 - number].child is other
+    assert supervisor.keepers[number].child is bench.children[4]
+    assert supervisor.keepers[1 - number].child is other
     assert other.done == []
 
 

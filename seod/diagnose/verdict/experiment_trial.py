@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from seod.diagnose.fitting import work
+from seod.diagnose.fitting.simulate import PRESSURE
 from seod.diagnose.tuning.verdict import TRIAL
 from sim.excitation import multisine, sine, steps
 from sim.runs import RELAY, sampled_relay
@@ -114,7 +115,7 @@ def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
     given = t, u, t, _NONE, _NONE, _NONE
     follow_windows(record[0], valve[0], load[0], *given, begin, end, start, math.inf, y, inside)
     work.spend(float(load["steps"][0]), len(t))
-    return y, inside[:, 0]
+    return y, inside[:, PRESSURE]
 
 
 def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> tuple[Array, float]:

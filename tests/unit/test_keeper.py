@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from seod.processes.handover import ChildArguments
-from seod.supervisor.beside import Keeper, Way
+from seod.supervisor.keeper import Keeper, Way
 from tests.unit.supervisor_bench import FakeChild
 
 if TYPE_CHECKING:
