@@ -13,7 +13,6 @@ import numpy as np
 from sim.compiled import Record, compiled, inlined
 from sim.kernel import advance, command, measured, move_spool
 from sim.physics import dry_friction, encoded, friction_level, rectified, spool_forgets
-from sim.runs import condition
 
 Array = np.ndarray
 
@@ -72,8 +71,16 @@ def follow_windows(
         _begin(p, v, s, start[w])
         given = reached
         for k in range(first[w], last[w]):
-            condition(s, supply, warmth, force, k)
-            given = _load(p, s, t_u, u, given, t[k])
+            if len(supply):
+                s.supply = supply[k]
+            if len(warmth):
+                s.warmth = warmth[k]
+            if len(force):
+                s.force = force[k]
+            while given < len(u) and t_u[given] + p.transport_delay_time <= t[k]:
+                _arrive(p, s, t_u[given] + p.transport_delay_time, u[given])
+                given += 1
+            advance(p, s, t[k])
             y[k] = measured(p, s)
             if len(inside):
                 inside[k, 0], inside[k, 1] = s.pressure, s.velocity
@@ -139,14 +146,10 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
 
 
 @inlined
-def _load(p: Record, s: Record, t_u: Array, u: Array, given: int, t: float) -> int:
-    """Bring the plant to `t` [s] under the commands that reach it by then; returns how many have."""
-    while given < len(u) and t_u[given] + p.transport_delay_time <= t:
-        advance(p, s, max(s.t, t_u[given] + p.transport_delay_time))
-        command(p, s, u[given])
-        given += 1
-    advance(p, s, t)
-    return given
+def _arrive(p: Record, s: Record, t: float, volts: float) -> None:
+    """Have a command act on the plant from `t` [s] on."""
+    advance(p, s, max(s.t, t))
+    command(p, s, volts)
 
 
 @compiled
