@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -69,5 +69,11 @@ def rest(p: Record, s: Record, t: float, position: float) -> None:
 def new_state(record: npt.NDArray[np.void], t: float = 0.0, position: float = 0.0) -> npt.NDArray[np.void]:
     """A plant at rest: array of shape (1,) of `STATE`."""
     state = np.zeros(1, STATE)
-    rest(record[0], state[0], t, position)
+    _rest_of(record, state, t, position)
     return state
+
+
+@compiled
+def _rest_of(record: Any, state: Any, t: float, position: float) -> None:
+    """`rest` of arrays of shape (1,): records given by themselves take microseconds to unpack."""
+    rest(record[0], state[0], t, position)

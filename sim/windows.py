@@ -29,9 +29,9 @@ INSIDE = ("pressure", "velocity", "position", "followed", "loose")
 
 @compiled
 def follow_windows(
-    p: Record,
-    v: Record,
-    s: Record,
+    plant: Array,
+    valve: Array,
+    load: Array,
     t_u: Array,
     u: Array,
     t: Array,
@@ -48,9 +48,9 @@ def follow_windows(
     """What is measured in each window under the commands `u` [V] that left at `t_u` [s].
 
     Args:
-        p: Plant.
-        v: A state at rest at or before the first time: the valve's.
-        s: A state at rest: the load's; both are used up.
+        plant: Its record, shape (1,). An array, as a record given by itself takes microseconds to unpack.
+        valve: A state at rest at or before the first time, shape (1,): the valve's.
+        load: A state at rest, likewise: the load's; both are used up.
         t_u: Ascending [s], shape (m,).
         u: [V], shape (m,).
         t: Times of samples [s], ascending, shape (n,).
@@ -65,6 +65,7 @@ def follow_windows(
         y: Without noise and quantisation, filled here, shape (n,); other rows are left alone.
         inside: `INSIDE`, filled likewise, shape (n, 5) or (0, 5).
     """
+    p, v, s = plant[0], valve[0], load[0]
     reached = 0
     for w in range(len(first)):
         reached = _valve(p, v, t_u, u, reached, t[first[w]])

@@ -111,7 +111,7 @@ class KernelModel:
         y, window = np.empty(n), (np.zeros(1, np.int64), np.full(1, n, np.int64), start[None, :])
         given = segment.t_u, volts, segment.t, segment.supply, _NOTHING, _NOTHING
         nothing = np.empty((0, len(INSIDE)))
-        follow_windows(self._record[0], valve[0], load[0], *given, *window, math.inf, y, nothing)
+        follow_windows(self._record, valve, load, *given, *window, math.inf, y, nothing)
         return y
 
 

@@ -116,7 +116,7 @@ def _side_by_side(some: Sequence[Array]) -> Array:
 
 def beaten(held: HeldOut, other: Reached) -> Share:
     """By how much a model without physics comes nearer: the difference of the mean squared errors."""
-    own, others = held.error**2, (held.cut.gathered("y") - other.simulated) ** 2
+    own, others = held.error**2, (held.cut.y - other.simulated) ** 2
     scored = held.scored & held.sure
     slices = held.cut.slices
     count = math.ceil(SYSTEMATIC.segments / len(slices))
@@ -153,7 +153,7 @@ def _stride(cut: Cut, rate: float) -> int:
 def _runs(cut: Cut, stride: int) -> list[Run | None]:
     """Each window with a sample for so many rows; None where few are left."""
     out: list[Run | None] = []
-    y, u, good, started = cut.gathered("y"), cut.gathered("u"), cut.good, cut.started()
+    y, u, good, started = cut.y, cut.gathered("u"), cut.good, cut.started()
     for rows in cut.slices:
         count = (rows.stop - rows.start) // stride
         kept = slice(rows.start, rows.start + count * stride)
@@ -239,7 +239,7 @@ def _fitted_narx(runs: Sequence[Run | None], arx: Arx, ridge: float) -> Narx:
 
 def _error(model: Arx | Narx, cut: Cut, runs: Sequence[Run | None]) -> tuple[float, Array]:
     """NRMSE over the scored rows of windows, and the readings; where none can be made, the mean."""
-    y, scored = cut.gathered("y"), cut.good & ~cut.started()
+    y, scored = cut.y, cut.good & ~cut.started()
     simulated = np.array([float(np.mean(y[cut.good]))] * len(y))
     kept = [(rows, run) for rows, run in zip(cut.slices, runs, strict=True) if run is not None]
     for (rows, run), own in zip(kept, model.simulated([run for _, run in kept]) if kept else [], strict=True):

@@ -99,7 +99,7 @@ def smooth(record: NDArray[np.void], cut: Cut, start: Array, ramp: float) -> tup
 def softness(record: NDArray[np.void], cut: Cut, start: Array) -> Softness:
     """Ramps as long as contacts are early or late by the error that is left."""
     seen, states = inside(record, cut, start)
-    error = np.where(cut.good, cut.gathered("y") - seen, 0.0)
+    error = np.where(cut.good, cut.y - seen, 0.0)
     error = np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
     square = np.array([float(error[rows] @ error[rows]) for rows in cut.slices])
     jump = contacts(cut, seen, states).jump

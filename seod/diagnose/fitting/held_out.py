@@ -45,7 +45,7 @@ class HeldOut:
     @property
     def error(self) -> Array:
         """Measured minus simulated, as far as it says anything."""
-        error = beyond(self.cut.gathered("y") - self.simulated, self.cut.slack)
+        error = beyond(self.cut.y - self.simulated, self.cut.slack)
         return np.clip(np.nan_to_num(error, nan=1e150), -1e150, 1e150)
 
     @property
@@ -74,13 +74,13 @@ class HeldOut:
     @property
     def nrmse(self) -> float:
         """As in the contract."""
-        y = self.cut.gathered("y")
+        y = self.cut.y
         return nrmse([(y[p], self.simulated[p], self.scored[p]) for p in self.cut.slices])
 
     @property
     def floor(self) -> float:
         """NRMSE of a perfect model."""
-        y = self.cut.gathered("y")
+        y = self.cut.y
         noisy = sum(s**2 * self.scored[p].sum() for s, p in zip(self.cut.floor, self.cut.slices, strict=True))
         return math.sqrt(noisy / max(_spread([(y[p], self.scored[p]) for p in self.cut.slices]), 1e-300))
 

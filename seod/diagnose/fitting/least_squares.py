@@ -78,7 +78,7 @@ def fit(
     """
     free = np.ones(len(x), np.bool_) if free is None else free
     search = LeastSquares(model, cut, parallel, free)
-    if np.any(cut.slack > 0.0) and most > 1:
+    if cut.coarse and most > 1:
         near = LeastSquares(model, rounded(cut), parallel, free).run(x, start, most // 2, ended)
         most -= most // 2
         if search.costs(near.x, near.start) < search.costs(x, start):
@@ -107,7 +107,7 @@ class LeastSquares:
 
     def __init__(self, model: Model, cut: Cut, parallel: ParallelMap, free: Mask) -> None:
         self.model, self.cut, self.parallel = model, cut, parallel
-        self.y, self.good, self.slices = cut.gathered("y"), cut.good, cut.slices
+        self.y, self.good, self.slices = cut.y, cut.good, cut.slices
         self.count = np.array([np.count_nonzero(self.good[rows]) for rows in self.slices])
         self.floor = least_square(cut)
         self.soft: Softness | None = None
@@ -308,7 +308,9 @@ def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
 def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness | None) -> Array:
     ramp, level = soft or Softness.least(cut)
     seen, more = smooth(record, cut, start, ramp)
-    residual = beyond(cut.gathered("y") - seen, cut.slack)
+    residual = cut.y - seen
+    if cut.coarse:
+        residual = beyond(residual, cut.slack)
     if more.any():
         residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
     return np.fmin(np.fmax(residual, -1e100), 1e100)  # of what is no number, one of them

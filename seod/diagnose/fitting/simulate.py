@@ -39,20 +39,15 @@ def inside(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Arr
 
 def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> tuple[Array, Array]:
     seen, within = [], []
-    for k, one in enumerate(cut.series):
-        own = [w for w, (of, _, _) in enumerate(cut.windows) if of == k]
-        if not own:
-            continue
-        first = np.array([cut.windows[w][1] for w in own], np.int64)
-        last = np.array([cut.windows[w][2] for w in own], np.int64)
-        begin = float(min(one.t[0], one.t_u[0]))
-        valve, load = new_state(record, begin), new_state(record, begin)
+    for one, own, first, last, reach in cut.runs:
+        valve = new_state(record, float(min(one.t[0], one.t_u[0])))
+        load = valve.copy()
         load["origin"] = one.t[0]
         y = np.empty(len(one.t))
         z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
         given = *one.drive, one.t, one.supply, one.warmth, one.force
-        limit = SIMULATION.gone_beyond * float(np.max(np.abs(one.y)))
-        follow_windows(record[0], valve[0], load[0], *given, first, last, start[own], limit, y, z)
+        limit = SIMULATION.gone_beyond * reach
+        follow_windows(record, valve, load, *given, first, last, start[own], limit, y, z)
         work.spend(float(load["steps"][0]), int(np.sum(last - first)))
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]
         within += [z[a:b] for a, b in zip(first, last, strict=True)]

@@ -36,7 +36,7 @@ def covariance(fitted: Fitted) -> Array:
     cut = fitted.cut
     residual = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
     curvature = _curvature(fitted)
-    if np.any(cut.slack > 0.0):
+    if cut.coarse:
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
     size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))

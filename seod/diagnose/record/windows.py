@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,13 +17,31 @@ from seod.diagnose.tuning.record import SERIES, WINDOWS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from numpy.typing import NDArray
+
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array, Mask, Rows
 
 
-@dataclass(frozen=True, slots=True)
+Of = TypeVar("Of", bound=np.generic)
+
+
+class Run(NamedTuple):
+    """Windows of one series, to be simulated: first rows, and rows after the last, of each; shape (w,).
+
+    `own` tells which of the cut's windows they are; `reach` is the largest reading of the series [unit].
+    """
+
+    recording: Series
+    own: list[int]
+    first: Rows
+    last: Rows
+    reach: float
+
+
+@dataclass(frozen=True)
 class Cut:
-    """Windows of several series, end to end.
+    """Windows of several series, end to end. What is asked of it again and again is worked out once.
 
     Attributes:
         series: Their recordings.
@@ -32,36 +51,52 @@ class Cut:
     series: Sequence[Series]
     windows: tuple[tuple[int, int, int], ...]
 
-    @property
+    @cached_property
     def sizes(self) -> Rows:
         """Rows of each window, shape (w,)."""
-        return np.array([last - first for _, first, last in self.windows], np.int64)
+        return _kept(np.array([last - first for _, first, last in self.windows], np.int64))
 
-    @property
+    @cached_property
     def slices(self) -> list[slice]:
         """Where each window stands in what is end to end."""
         ends = np.cumsum(self.sizes)
         return [slice(int(end - size), int(end)) for end, size in zip(ends, self.sizes, strict=True)]
+
+    @cached_property
+    def runs(self) -> list[Run]:
+        """Its windows, series by series."""
+        out = []
+        for k, one in enumerate(self.series):
+            own = [w for w, (of, _, _) in enumerate(self.windows) if of == k]
+            first, last = (np.array([self.windows[w][end] for w in own], np.int64) for end in (1, 2))
+            if own:
+                out.append(Run(one, own, first, last, float(np.max(np.abs(one.y)))))
+        return out
 
     def gathered(self, name: str) -> Array:
         """An array of the series, windows end to end."""
         parts = [getattr(self.series[k], name)[first:last] for k, first, last in self.windows]
         return np.concatenate(parts)
 
+    @cached_property
+    def y(self) -> Array:
+        """Readings, end to end."""
+        return _kept(self.gathered("y"))
+
     @property
     def relayed(self) -> bool:
         """Whether a relay gave the commands of all recordings."""
         return all(recording.relayed for recording in self.series)
 
-    @property
+    @cached_property
     def good(self) -> Mask:
         """Rows that count, end to end."""
-        return self.gathered("good").astype(np.bool_)
+        return _kept(self.gathered("good").astype(np.bool_))
 
-    @property
+    @cached_property
     def noise(self) -> Array:
         """Root mean square of the noise in each window, as far as errors count, shape (w,)."""
-        return np.array([self.series[k].level for k, _, _ in self.windows])
+        return _kept(np.array([self.series[k].level for k, _, _ in self.windows]))
 
     @property
     def allowed(self) -> Array:
@@ -73,10 +108,15 @@ class Cut:
         """Standard deviation of the samples in each window about a perfect simulation, shape (w,)."""
         return np.array([self.series[k].noise for k, _, _ in self.windows])
 
-    @property
+    @cached_property
     def slack(self) -> Array:
         """Error of each row that says nothing, end to end."""
-        return np.repeat([self.series[k].slack for k, _, _ in self.windows], self.sizes)
+        return _kept(np.repeat([self.series[k].slack for k, _, _ in self.windows], self.sizes))
+
+    @cached_property
+    def coarse(self) -> bool:
+        """Whether any row has an error that says nothing."""
+        return bool(np.any(self.slack > 0.0))
 
     def started(self, part: float = WINDOWS.settling_part) -> Mask:
         """Rows in the first part of their window, end to end."""
@@ -89,6 +129,12 @@ class Cut:
     def only(self, chosen: Iterable[int]) -> Cut:
         """Some of the windows."""
         return Cut(self.series, tuple(self.windows[k] for k in chosen))
+
+
+def _kept(array: NDArray[Of]) -> NDArray[Of]:
+    """Not to be written to: others are given the same."""
+    array.flags.writeable = False
+    return array
 
 
 def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:

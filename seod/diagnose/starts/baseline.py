@@ -147,7 +147,7 @@ def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
 
 def _rough(cut: Cut, omega_n: float) -> Scales:
     """Sizes as far as the samples alone show them."""
-    y = cut.gathered("y")[cut.good]
+    y = cut.y[cut.good]
     size = max(float(np.std(y)), SIZES.least)
     tick = max(recording.tick for recording in cut.series)
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)

@@ -58,7 +58,7 @@ def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     model, x = parent.model, parent.x
     start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)
     simulated, states = inside(model.record(x), cut, start)
-    y, position, speed = cut.gathered("y"), states[:, POSITION], None
+    y, position, speed = cut.y, states[:, POSITION], None
     residual = np.where(cut.good, y - simulated, 0.0)
     if model.sees_speed:  # as it was read: simulated ones have the parent's errors
         speed = np.where(cut.good, y, 0.0)

@@ -92,7 +92,7 @@ def _grid(model: Model, wide: Cut) -> Iterator[_Point]:
     tick = max(recording.tick for recording in wide.series)
     slowest = math.pi / min(float(wide.series[k].t[b - 1] - wide.series[k].t[a]) for k, a, b in wide.windows)
     frequencies = np.geomspace(4.0 * slowest, max(0.6 / tick, 8.0 * slowest), UNSIGNED.frequencies)
-    y, good = wide.gathered("y"), wide.good
+    y, good = wide.y, wide.good
     for omega_n, zeta in product(frequencies.tolist(), UNSIGNED.dampings):
         x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
         start = measured_places(wide)

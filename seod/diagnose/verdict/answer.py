@@ -157,7 +157,7 @@ def trimmed(searched: Searched) -> Searched:
 def _near(held: HeldOut) -> Mask:
     """Rows that count, but for those far off, if these are few."""
     noise = np.repeat(held.cut.floor, held.cut.sizes)
-    near = held.scored & (np.abs(held.cut.gathered("y") - held.simulated) <= ANSWER.outlier_beyond * noise)
+    near = held.scored & (np.abs(held.cut.y - held.simulated) <= ANSWER.outlier_beyond * noise)
     return (
         near
         if np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
@@ -274,7 +274,7 @@ def _late_error(held: HeldOut, file: int) -> float:
 
 def _rounded(coarse: Defect, step: float, held: HeldOut) -> FoundEffect:
     """A sensor's step: its gain is that of rounding what was simulated."""
-    y = held.cut.gathered("y")
+    y = held.cut.y
     rounded = step * np.floor(held.simulated / step + 0.5)
     with_it = nrmse([(y[p], rounded[p], held.scored[p]) for p in held.cut.slices])
     return FoundEffect(coarse.name, coarse.parameters, Gain(held.nrmse, with_it), coarse.p_value)

@@ -113,7 +113,7 @@ def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
     y, inside = np.empty(len(t)), np.empty((len(t), len(INSIDE)))
     start = np.zeros((1, len(START)))
     given = t, u, t, _NONE, _NONE, _NONE
-    follow_windows(record[0], valve[0], load[0], *given, begin, end, start, math.inf, y, inside)
+    follow_windows(record, valve, load, *given, begin, end, start, math.inf, y, inside)
     work.spend(float(load["steps"][0]), len(t))
     return y, inside[:, PRESSURE]
 

@@ -32,7 +32,7 @@ def score(
 def windows(baseline: HeldOut, extended: HeldOut, *, held_out: bool) -> list[Window]:
     """Both simulations of the same windows."""
     out = []
-    y = np.where(baseline.cut.good, baseline.cut.gathered("y"), np.nan)
+    y = np.where(baseline.cut.good, baseline.cut.y, np.nan)
     for (k, first, last), p in zip(baseline.cut.windows, baseline.cut.slices, strict=True):
         one = baseline.cut.series[k]
         pressure, velocity, position = extended.states[p, : POSITION + 1].T
