@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -380,6 +381,7 @@ EFFECTS = {effect.name: effect for effect in _ALL}
 """All effects by name, in the order of the signal's way."""
 
 
+@cache
 def parameter(place: str) -> tuple[Effect, Parameter]:
     """The effect and the parameter that `effect.parameter` names.
 

@@ -73,7 +73,8 @@ class Segment:
             plain, answer = self._plain(quicker, zeta, shares)
         except ValueError:
             return []
-        return self._compared(answer, plain, self.delays)
+        moved = np.stack([self._late(answer, delay) for delay in self.delays])
+        return self._compared(moved, plain, self.delays)
 
     def _plain(
         self, quicker: float, zeta: float, shares: Values, rest: float = COMPARE.rest_in_gap
@@ -132,8 +133,8 @@ class Segment:
     ) -> tuple[GridPlant, list[Array]]:
         """A plant with a delay [s] that began at a place in its gap, and what it leaves of the parts."""
         plain, answer = self._plain(quicker, zeta, shares, rest)
-        (plant,) = self._compared(answer, plain, [delay])
         late = self._late(answer, delay)
+        (plant,) = self._compared(late[None], plain, [delay])
         gain = plant.K_L / self.unit
         left = [seen - gain * own for seen, own in zip(self.seen, self._abouts(late), strict=True)]
         return plant, left
@@ -210,9 +211,8 @@ class Segment:
             self._oscillations[at] = float(np.median([np.ptp(own) for own in self._abouts(moved)]))
         return self._oscillations[at]
 
-    def _compared(self, answer: Array, plain: GridPlant, delays: Sequence[float]) -> list[GridPlant]:
-        """The plant with each delay: what is left of each part at the gain that fits best."""
-        moved = np.stack([self._late(answer, delay) for delay in delays])
+    def _compared(self, moved: Array, plain: GridPlant, delays: Sequence[float]) -> list[GridPlant]:
+        """The plant with each delay, its answer `moved` by it: what is left at the gain that fits best."""
         pairs = list(zip(self.seen, self._abouts(moved), strict=True))
         size = sum(np.sum(b * b, axis=1) for _, b in pairs)
         gains = sum(b @ a for a, b in pairs) / np.maximum(size, 1e-300)
@@ -223,10 +223,12 @@ class Segment:
 
     def _late(self, answer: Array, delay: float) -> Array:
         """An answer with a delay [s]; of ramps the mean over their time."""
+        if delay == 0.0:
+            return answer
         if not self.ramped:
             return np.interp(self.t - delay, self.t, answer)
         area = cumulative_trapezoid(answer, self.t, initial=0)
-        return answer if delay == 0.0 else (area - np.interp(self.t - delay, self.t, area)) / delay
+        return np.asarray((area - np.interp(self.t - delay, self.t, area)) / delay)
 
     def _sized(self, plain: GridPlant, cost: float, gain: float, delay: float) -> GridPlant:
         size, K_L = abs(gain), gain * plain.K_L
