@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 def measured_places(cut: Cut) -> Array:
     """Initial states as samples show them: positions, or integrals of speeds; shape (w, 7)."""
     start = np.zeros((len(cut.windows), STATES))
-    for w, (k, first, last) in enumerate(cut.windows):
-        one = cut.series[k]
-        rows = first + np.flatnonzero(one.good[first:last])[:1]
-        start[w, POSITION] = travelled(one)[first] if one.sees_speed else one.y[rows[0]]
+    for run in cut.runs:
+        one = run.recording
+        place = travelled(one) if one.sees_speed else one.y
+        for w, first, last in zip(run.own, run.first, run.last, strict=True):
+            row = first if one.sees_speed else first + np.flatnonzero(one.good[first:last])[0]
+            start[w, POSITION] = place[row]
     return start
 
 
