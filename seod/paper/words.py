@@ -191,8 +191,9 @@ def _amplitude(n: Numbers) -> list[str]:
         "that its chambers have in common follows slowly: zeta of a limit cycle, taken with the steady K_L, is off by "
         f"the ratio of both. For the rudder at 7 MPa that is {n['rudder_gains']['quick']:.4g} over "
         f"{n['rudder_gains']['steady']:.4g} rad/s/V.",
-        "The error grows in proportion to e_a: a relay holds the valve open by e_a all the time, and an open orifice "
-        "damps in proportion to its opening. So two amplitudes suffice to extrapolate, which the daemon does: its "
+        "The error grows with e_a: a relay holds the valve open by e_a all the time, and an open orifice damps in "
+        "proportion to its opening. While e_a is less than the opening by which a valve leaks, 0.25 V of the rudder's, "
+        "both edges stay open, and the error hardly grows. So two amplitudes suffice to extrapolate, which the daemon does: its "
         "`nonlinear` answers tell the largest e_a that would do.",
     ]
 
