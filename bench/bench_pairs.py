@@ -24,23 +24,30 @@ class Pairs:
         return median(a / b for a, b in zip(self.first, self.second, strict=True))
 
 
-def spent(run: Callable[[], object], repeat: int = 1) -> float:
-    start = perf_counter()
+def spent(run: Callable[[], object], repeat: int = 1, clock: Callable[[], float] = perf_counter) -> float:
+    start = clock()
     for _ in range(repeat):
         run()
-    return (perf_counter() - start) / repeat
+    return (clock() - start) / repeat
 
 
 def alternate(
-    first: Callable[[], object], second: Callable[[], object], rounds: int, repeat_second: int = 1
+    first: Callable[[], object],
+    second: Callable[[], object],
+    rounds: int,
+    repeat_second: int = 1,
+    clock: Callable[[], float] = perf_counter,
 ) -> Pairs:
-    """Run both `rounds` times, each of them first in every other round, after one run for nothing."""
+    """Run both `rounds` times, each of them first in every other round, after one run for nothing.
+
+    Another `clock` is `time.process_time`: for what computes alone, on a machine that others use too.
+    """
     first(), second()
     found = Pairs([], [])
     for k in range(rounds):
         if k % 2:
-            found.second.append(spent(second, repeat_second))
-        found.first.append(spent(first))
+            found.second.append(spent(second, repeat_second, clock))
+        found.first.append(spent(first, 1, clock))
         if not k % 2:
-            found.second.append(spent(second, repeat_second))
+            found.second.append(spent(second, repeat_second, clock))
     return found

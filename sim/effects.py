@@ -144,8 +144,7 @@ _ALL = (
         "valve",
         "The spool's centre is not at 0 V.",
         (Parameter("voltage", "V", 0.0, -10.0, 10.0, "at which the valve is closed"),),
-        "load_bias of omega_n K_L voltage / (2 zeta): with leakage damping they are the same.",
-        cause=False,
+        "load_bias of omega_n K_L voltage / (2 zeta): with straight flow and leakage damping the same.",
     ),
     Effect(
         "valve_deadband",

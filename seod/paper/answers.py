@@ -42,7 +42,7 @@ def estimates(bench: Bench, run: Run, method: str, hysteresis: float) -> list[Es
         method=method,
         K_L=float(run.K_L[0]),
         hysteresis=hysteresis,
-        delay_s=0.0,
+        delay_s=bench.delay,
         period_s=TICK_S,
         cycles=axis.estimator.cycles,
         lowpass_hz=None,

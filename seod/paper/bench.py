@@ -18,7 +18,7 @@ from seod.respond.response import respond
 from seod.simulate.view import AxisView
 from sim.experiment import sensor_effects, with_effects
 from sim.hydraulics import closed_loop
-from sim.hydraulics.linear import Physics
+from sim.hydraulics.linear import Physics, small_signal
 from sim.hydraulics.record import record_of
 from sim.machine import HydraulicMachine
 from sim.runs import RELAY
@@ -98,7 +98,11 @@ class Bench:
         effects: More effects of its plant, as in `sim.effects`.
         parts: Other values of its parts, by group and key.
         noise: Of the sensor [unit, or unit/s]; None: the rig file's.
-        clean: The sensor neither counts nor lags, K_L is the true one, and the bias stands still.
+        clean: The sensor neither counts nor lags, K_L is that of the oscillation, the spool's lag is known,
+            and the bias stands still.
+
+    Attributes:
+        delay: That estimators are told of [s]: the spool's lag, of a clean rig.
     """
 
     def __init__(
@@ -114,7 +118,7 @@ class Bench:
         plant = self.view.plant
         if not clean:
             plant = with_effects(plant, sensor_effects(plant))
-        self.clean, self.lag = clean, 0.0 if clean else self.view.sensor.lag
+        self.clean, self.lag, self.delay = clean, 0.0 if clean else self.view.sensor.lag, 0.0
         if effects:
             plant = with_effects(plant, effects)
         if parts and plant.hydraulic is not None:
@@ -123,6 +127,9 @@ class Bench:
                 for group in {*plant.hydraulic, *parts}
             }
             plant = plant.model_copy(update={"hydraulic": changed})
+        if clean and plant.hydraulic is not None:
+            p = record_of(plant)
+            self.delay = float(2.0 * p["valve_zeta"][0] / p["valve_omega"][0])
         self.plant = plant
         self.noise = plant.noise if noise is None else noise
         self.velocity = self.view.axis.mode == "velocity"
@@ -133,6 +140,20 @@ class Bench:
         """K_L, omega_n and zeta of small movements at a pressure [Pa] and about a speed [unit/s]."""
         supply = 1.0 if ps is None else ps / self.nominal_pa
         return numbers(self.plant, self.plant.position, speed, supply, 0.0)
+
+    def quick_gain(self, ps: float, speed: float) -> float:
+        """K_L that movements as quick as the plant's own show [unit/s/V].
+
+        It is that of steady movement, but of a single rod: what its chambers have in common follows slowly.
+        """
+        small = small_signal(
+            record_of(self.plant),
+            speed=speed,
+            position=self.plant.position,
+            supply=ps / self.nominal_pa,
+        )
+        own = 1j * small.omega_n * np.eye(len(small.A))
+        return 2.0 * small.zeta * float(abs(small.C @ np.linalg.solve(own - small.A, small.B)))
 
     def _null(self, ps: float) -> float:
         """Command at which a clean plant stands still [V]: mean of creeping forth and back."""
@@ -170,10 +191,10 @@ class Bench:
         )
         reference = np.full(len(t), speed) if not isinstance(speed, np.ndarray) else speed
         if self.clean:
-            K_L = np.full(len(t), self.true(float(whole[0]), float(reference[0]))["K_L"])
+            K_L = np.full(len(t), self.quick_gain(float(whole[0]), float(reference[0])))
         else:
             K_L = np.array([self.gain(each) for each in whole.tolist()])
-        bias = reference / K_L if self.velocity else np.full(len(t), self._null(float(whole[0])))
+        bias = self._bias(float(whole[0]), reference, K_L)
         supply = whole / self.nominal_pa
         e_a = self.view.axis.relay.e_a if e_a is None else e_a
         r = np.zeros(1, RELAY)
@@ -191,6 +212,13 @@ class Bench:
         seen: Array = y * self.view.slope if self.clean else self.view.readings(y)
         area = _area(t, seen, reference) if self.velocity else NONE
         return Run(t, u, seen, whole, reference, bias, K_L, area, e_a, within)
+
+    def _bias(self, ps: float, reference: Array, K_L: Array) -> Array:
+        """That holds the axis, or its speed [V]."""
+        if not self.velocity:
+            return np.full(len(reference), self._null(ps))
+        steady = np.full(len(reference), self.true(ps, float(reference[0]))["K_L"]) if self.clean else K_L
+        return reference / steady
 
     def response(
         self,

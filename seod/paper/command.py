@@ -171,7 +171,7 @@ def _with(each: Numbers, key: str) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{round(value, 12):.4g}"
+    return "-" if value is None else f"{round(value, 12) + 0.0:.4g}"
 
 
 def _html(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

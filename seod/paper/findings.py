@@ -130,13 +130,16 @@ AXES: Final = (
     (TAIL, "rudder", 0.0, np.geomspace(0.01, 1.5, 8)),
 )
 """Rigs whose map is shown, and the amplitudes [V]."""
+RUDDER_PA: Final = 7e6
+"""At which two gains of the rudder are told [Pa]."""
 
 
 def amplitude(progress: Callable[[float], None] = lambda _part: None) -> Numbers:
     """By pressure and e_a, how far zeta and omega_n of the limit cycle are from those of small signals.
 
-    Friction, ripple, droop and lags are taken out and K_L is the true one: these are other matters, and
-    friction would forbid small amplitudes. What remains is what orifices and load pressure do.
+    Friction, ripple and droop are taken out, the spool's lag is told and K_L is that of such movements: these
+    are other matters, and friction would forbid small amplitudes. What remains is what orifices and load
+    pressure do.
     """
     maps = []
     for number, (name, axis, speed, sizes) in enumerate(AXES):
@@ -153,7 +156,9 @@ def amplitude(progress: Callable[[float], None] = lambda _part: None) -> Numbers
                 "rig_e_a": bench.view.axis.relay.e_a,
             }
         )
-    return {"within": CLOSE, "maps": maps}
+    rudder = Bench(TAIL, "rudder", parts=PLAIN, noise=0.0, clean=True)
+    gains = {"steady": rudder.true(RUDDER_PA)["K_L"], "quick": rudder.quick_gain(RUDDER_PA, 0.0)}
+    return {"within": CLOSE, "maps": maps, "rudder_gains": gains}
 
 
 def _error(bench: Bench, ps: float, speed: float, e_a: float) -> float | None:

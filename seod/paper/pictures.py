@@ -163,8 +163,18 @@ def _bode(gain: Axes, phase: Axes, n: Numbers, integral: bool) -> None:
         gain.plot(grid, 20 * np.log10(np.abs(G)), color=colour, lw=1, label=label)
         phase.plot(grid, np.degrees(np.unwrap(np.angle(G))), color=colour, lw=1)
     for axes in (gain, phase):
-        axes.set_xscale("log")
+        _decades(axes)
     phase.set_xlabel("ω [rad/s]")
+
+
+def _decades(axes: Axes) -> None:
+    """A logarithmic axis of frequencies with few, plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter  # noqa: PLC0415 - an extra, and slow to import
+
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def figure_13(figure: Figure, n: Numbers) -> None:

@@ -114,6 +114,10 @@ def _points(n: Numbers, methods: tuple[str, ...]) -> str:
     return ", ".join(told)
 
 
+LAGS = (
+    "Curves are Eq. 1 of each method's zeta, omega_n and K_L. The lags of spool and sensor are in the response's phase "
+    "and in no curve."
+)
 METHODS = ("small_signal", "peaks", "exact", "wave", "two-phase")
 
 
@@ -124,7 +128,8 @@ def _figure_13(n: Numbers) -> list[str]:
     ] + [
         "At rest and 1.5 V the limit cycle is not the small-signal plant: load pressure is spent. At 70 and 133 rad/s "
         "zeta is so large that only the slow pole, omega_n / (2 zeta), is well told; the curves then agree in the "
-        "Bode plot although zeta and omega_n differ."
+        "Bode plot although zeta and omega_n differ.",
+        LAGS,
     ]
 
 
@@ -143,6 +148,7 @@ def _figure_14(n: Numbers) -> list[str]:
         "printed values: they prove nothing. What the response and the other methods say is a result.",
         "`exact` takes the spool's lag for the plant's and finds omega_n too low; `wave` and two phases fit a delay "
         "and come nearer to the small signals. At 0.1 V dry friction is a large part of the force.",
+        LAGS,
     ]
 
 
@@ -165,23 +171,29 @@ def _exponent(n: Numbers) -> list[str]:
     ]
 
 
+def _largest(each: Numbers) -> str:
+    if not any(each["largest_e_a"]):
+        return f"none of the map, least error {_percent(min(e for row in each['worst'] for e in row if e))}"
+    at = zip(each["ps"], each["largest_e_a"], strict=True)
+    return ", ".join(f"{ps * 1e-6:g} MPa: {'none' if e_a is None else f'{e_a:.2g} V'}" for ps, e_a in at)
+
+
 def _amplitude(n: Numbers) -> list[str]:
-    said = []
-    for each in n["maps"]:
-        at = [
-            f"{ps * 1e-6:g} MPa: {'none of these' if e_a is None else f'{e_a:.2g} V'}"
-            for ps, e_a in zip(each["ps"], each["largest_e_a"], strict=True)
-        ]
-        said.append(
-            f"{each['axis']}, largest e_a for {_percent(n['within'])}: {', '.join(at)}. The paper's is "
-            f"{each['rig_e_a']:g} V."
-        )
     return [
-        *said,
-        "Of a single rod, extending and retracting are two plants: the limit cycle finds a mean of both, off the mean of "
-        "their values by some per cent at any amplitude.",
-        "The error grows in proportion to e_a: a relay holds the valve open by e_a all the time, and an open orifice "
-        "damps in proportion to its opening. So two amplitudes suffice to extrapolate, which the daemon does: its "
+        *(
+            f"{each['axis']}, largest e_a for {_percent(n['within'])}: {_largest(each)}. The paper's is "
+            f"{each['rig_e_a']:g} V."
+            for each in n["maps"]
+        ),
+        "Friction, ripple and the supply's droop are taken out, and the spool's lag and K_L of so quick a movement are "
+        "known: what the map shows is amplitude alone.",
+        "Of a single rod behind a leaking valve K_L of quick movements is not that of steady ones, since the pressure "
+        "that its chambers have in common follows slowly: zeta of a limit cycle, taken with the steady K_L, is off by "
+        f"the ratio of both. For the rudder at 7 MPa that is {n['rudder_gains']['quick']:.4g} over "
+        f"{n['rudder_gains']['steady']:.4g} rad/s/V.",
+        "The error grows with e_a: a relay holds the valve open by e_a all the time, and an open orifice damps in "
+        "proportion to its opening. While e_a is less than the opening by which a valve leaks, 0.25 V of the rudder's, "
+        "both edges stay open, and the error hardly grows. So two amplitudes suffice to extrapolate, which the daemon does: its "
         "`nonlinear` answers tell the largest e_a that would do.",
     ]
 

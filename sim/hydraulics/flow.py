@@ -18,6 +18,10 @@ LEAST_VOLUME = 0.02
 
 NEAR = 0.3
 """Part by which pressures may differ for `near`."""
+KEPT = 0.1
+"""Part by which a pressure may have moved before its `near` begins anew: until then it is right to 2e-8."""
+CRANK_NEAR = 2e-3
+"""Angle [rad] by which a crank may have turned from where `stroke_near` stands: right to 2e-9 until then."""
 
 X, DX, PA, PB, W, Y, W2, Y2, PS, SEEN = range(10)
 """Places in the tuple that is integrated: spool, chambers, load, second inertia, supply, sensor's lag."""
@@ -36,31 +40,34 @@ def bulk_modulus(p: Record, pressure: float) -> float:
 
 
 @inlined
-def near(p: Record, pressure: float, base: float, inverse: float, part: float) -> float:
-    """`bulk_modulus` close to an absolute pressure `base` [Pa], and its inverse, at which `part` is air.
+def near(p: Record, pressure: float, base: float, inverse: float, part: float) -> tuple[float, float]:
+    """`bulk_modulus` near an absolute pressure `base` [Pa], where `part` is air: numerator, denominator.
 
     The power of their ratio is taken by its Pade approximation: to 1e-5 within -30 and +40 %, else as it is.
     """
     if part == 0.0:
-        return p.oil_bulk_modulus
+        return p.oil_bulk_modulus, 1.0
     absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
     off = (absolute - base) * inverse
     if abs(off) > NEAR:
-        return bulk_modulus(p, pressure)
+        return bulk_modulus(p, pressure), 1.0
     n, b = p.oil_polytropic, p.minus_inverse_polytropic
     up = 1.0 + off * (0.5 * (2.0 + b) + off * ((2.0 + b) * (1.0 + b) * (1.0 / 12.0)))
     down = 1.0 + off * (0.5 * (2.0 - b) + off * ((2.0 - b) * (1.0 - b) * (1.0 / 12.0)))
     air, oil = part * up, n * absolute
-    return p.oil_bulk_modulus * (down + air) * oil / (oil * down + air * p.oil_bulk_modulus)
+    return p.oil_bulk_modulus * (down + air) * oil, oil * down + air * p.oil_bulk_modulus
 
 
 @inlined
-def airy(p: Record, pressure: float) -> tuple[float, float]:
-    """Absolute pressure [Pa] and the part of the volume that is air there."""
+def airy(p: Record, pressure: float, base: float, inverse: float, part: float) -> tuple[float, float, float]:
+    """Absolute pressure for `near` [Pa], 1 over it, the part that is air there: the old while it is near."""
     absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
+    if abs(absolute - base) <= KEPT * base:
+        return base, inverse, part
     if p.oil_air == 0.0:
-        return absolute, 0.0
-    return absolute, p.oil_air * math.exp(math.log(ATMOSPHERE / absolute) / p.oil_polytropic)
+        return absolute, 1.0 / absolute, 0.0
+    power = math.exp(p.minus_inverse_polytropic * math.log(absolute / ATMOSPHERE))
+    return absolute, 1.0 / absolute, p.oil_air * power
 
 
 @inlined
@@ -115,6 +122,29 @@ def stroke(p: Record, y: float) -> tuple[float, float]:
 
 
 @inlined
+def expand_stroke(p: Record, s: Record) -> None:
+    """Have `stroke_near` stand where the load is."""
+    both = p.cylinder_base * p.cylinder_arm
+    way, s.lever = stroke(p, s.position)
+    s.crank_at, s.way = s.position, way
+    inverse = 1.0 / (way + p.cylinder_length)
+    s.lever_1 = (both * math.cos(p.crank_angle + s.position) - s.lever * s.lever) * inverse
+    s.lever_2 = -s.lever * (1.0 + 3.0 * s.lever_1 * inverse)
+
+
+@inlined
+def stroke_near(p: Record, s: Record, y: float) -> tuple[float, float]:
+    """`stroke`; close to where `expand_stroke` was asked by a Taylor series."""
+    if p.cylinder_arm == 0.0:
+        return y, 1.0
+    off = y - s.crank_at
+    if abs(off) > CRANK_NEAR:
+        return stroke(p, y)
+    lever = s.lever + off * (s.lever_1 + off * 0.5 * s.lever_2)
+    return s.way + off * (s.lever + off * (0.5 * s.lever_1 + off * (1.0 / 6.0) * s.lever_2)), lever
+
+
+@inlined
 def friction_level(p: Record, w: float) -> float:
     """Dry friction at a speed, without its sign."""
     if p.load_stribeck == 0.0:
@@ -133,14 +163,29 @@ def set_pressure(p: Record, s: Record, t: float) -> float:
 
 
 @inlined
-def force(p: Record, s: Record, t: float, y: float) -> float:
-    """On the load against positive movement: weight, spring, a periodic force; no friction."""
-    found = p.load_force
-    if p.load_spring != 0.0:
-        found += p.load_spring * (y - p.load_spring_centre)
-    if p.load_shake > 0.0:
-        found -= p.load_shake * math.sin(p.load_shake_omega * (t - s.origin) + p.load_shake_phase)
-    return found
+def fed(p: Record, s: Record, t: float) -> float:
+    """What the supply has from outside: the pump's flow [m^3/s], or where it is stiff its pressure [Pa]."""
+    if p.supply_droop == 0.0:
+        return set_pressure(p, s, t)
+    if p.supply_ripple == 0.0:
+        return p.supply_flow
+    return p.supply_flow * (1.0 + p.supply_ripple * math.sin(p.supply_ripple_omega * (t - s.origin)))
+
+
+@inlined
+def shaken(p: Record, s: Record, t: float) -> float:
+    """A periodic force on the load, positive the way that it moves."""
+    if p.load_shake == 0.0:
+        return 0.0
+    return p.load_shake * math.sin(p.load_shake_omega * (t - s.origin) + p.load_shake_phase)
+
+
+@inlined
+def force(p: Record, y: float) -> float:
+    """On the load against positive movement: weight and spring."""
+    if p.load_spring == 0.0:
+        return p.load_force
+    return p.load_force + p.load_spring * (y - p.load_spring_centre)
 
 
 @inlined
@@ -165,15 +210,15 @@ def seen(p: Record, y: float, w: float) -> float:
 
 
 @inlined
-def drive(p: Record, s: Record, t: float, z: tuple[float, ...]) -> float:
+def drive(p: Record, s: Record, z: tuple[float, ...], shake: float) -> float:
     """Force that would accelerate the first inertia but for dry friction: pressures, load, second inertia."""
-    return drive_by(p, s, t, z, 1.0 if p.rotary != 0.0 else stroke(p, z[Y])[1])
+    return drive_by(p, z, shake, 1.0 if p.rotary != 0.0 else stroke_near(p, s, z[Y])[1])
 
 
 @inlined
-def drive_by(p: Record, s: Record, t: float, z: tuple[float, ...], lever: float) -> float:
+def drive_by(p: Record, z: tuple[float, ...], shake: float, lever: float) -> float:
     """`drive` where the lever [m/unit] is known."""
-    found = lever * (p.area_a * z[PA] - p.area_b * z[PB]) - p.load_viscous * z[W] - force(p, s, t, z[Y])
+    found = lever * (p.area_a * z[PA] - p.area_b * z[PB]) - p.load_viscous * z[W] - force(p, z[Y]) + shake
     if p.load_second > 0.0:
         found -= p.load_inertia * p.load_second / (1.0 + p.load_second) * _pull(p, z)
     return found
@@ -187,47 +232,41 @@ def _pull(p: Record, z: tuple[float, ...]) -> float:
 
 
 @inlined
-def rates(p: Record, s: Record, t: float, z: tuple[float, ...]) -> tuple[float, ...]:
-    """Rates of change of `z`; a load that sticks or lies at a stop (`s.motion` 0) stays."""
+def rates(p: Record, s: Record, z: tuple[float, ...], feed: float, shake: float) -> tuple[float, ...]:
+    """Rates of change of `z`; a load that sticks or lies at a stop (`s.motion` 0) stays.
+
+    `feed` and `shake` are what `fed` and `shaken` tell of the instant.
+    """
     dx = min(max(z[DX], -p.valve_rate), p.valve_rate)
     ddx = p.valve_omega * (p.valve_omega * (s.target - z[X]) - 2.0 * p.valve_zeta * dx)
     pa, pb, w = z[PA], z[PB], z[W]
-    ps = z[PS] if p.supply_droop > 0.0 else set_pressure(p, s, t)
+    ps = z[PS] if p.supply_droop > 0.0 else feed
     qa, qb, qs = ports(p, s, z[X], ps, pa, pb)
     lever, va, vb = 1.0, p.volume_a, p.volume_b
     if p.rotary == 0.0:
-        way, lever = stroke(p, z[Y])
+        way, lever = stroke_near(p, s, z[Y])
         va = max(va + p.area_a * way, LEAST_VOLUME * va)
         vb = max(vb - p.area_b * way, LEAST_VOLUME * vb)
     across, outside = s.thinner * p.leakage_cross * (pa - pb), s.thinner * p.leakage_external
     speed = lever * w
-    dpa = (
-        near(p, pa, s.absolute_a, s.inverse_a, s.air_a)
-        / va
-        * (qa - p.area_a * speed - across - outside * (pa - p.supply_tank))
-    )
-    dpb = (
-        near(p, pb, s.absolute_b, s.inverse_b, s.air_b)
-        / vb
-        * (qb + p.area_b * speed + across - outside * (pb - p.supply_tank))
-    )
+    over, under = near(p, pa, s.absolute_a, s.inverse_a, s.air_a)
+    dpa = over / (under * va) * (qa - p.area_a * speed - across - outside * (pa - p.supply_tank))
+    over, under = near(p, pb, s.absolute_b, s.inverse_b, s.air_b)
+    dpb = over / (under * vb) * (qb + p.area_b * speed + across - outside * (pb - p.supply_tank))
     if pa <= p.oil_vapour and dpa < 0.0:
         dpa = 0.0
     if pb <= p.oil_vapour and dpb < 0.0:
         dpb = 0.0
     dw = 0.0
     if s.motion != 0.0:
-        dw = (
-            (1.0 + p.load_second)
-            / p.load_inertia
-            * (drive_by(p, s, t, z, lever) - s.motion * friction_level(p, w))
-        )
+        push = drive_by(p, z, shake, lever) - s.motion * friction_level(p, w)
+        dw = (1.0 + p.load_second) / p.load_inertia * push
     dw2, dy2 = 0.0, 0.0
     if p.load_second > 0.0:
         dw2, dy2 = _pull(p, z), z[W2]
     dps = 0.0
     if p.supply_droop > 0.0:
-        dps = _supply(p, s, t, ps, qs)
+        dps = _supply(p, s, ps, feed, qs)
     lag = 0.0
     if p.sensor_lag_time > 0.0:
         lag = (seen(p, z[Y], w) - z[SEEN]) / p.sensor_lag_time
@@ -235,11 +274,9 @@ def rates(p: Record, s: Record, t: float, z: tuple[float, ...]) -> tuple[float, 
 
 
 @inlined
-def _supply(p: Record, s: Record, t: float, ps: float, demand: float) -> float:
+def _supply(p: Record, s: Record, ps: float, pumped: float, demand: float) -> float:
     """Rate of the supply pressure: pump, relief valve, demand."""
-    pumped = p.supply_flow
-    cracks = p.supply_pressure * s.supply - p.supply_droop * pumped
-    if p.supply_ripple > 0.0:
-        pumped *= 1.0 + p.supply_ripple * math.sin(p.supply_ripple_omega * (t - s.origin))
-    relieved = max(0.0, ps - cracks) / p.supply_droop
-    return bulk_modulus(p, ps) / p.supply_volume * (pumped - demand - relieved)
+    cracks = p.supply_pressure * s.supply - p.supply_droop * p.supply_flow
+    relieved = max(0.0, ps - cracks) * p.relief
+    over, under = near(p, ps, s.absolute_s, s.inverse_s, s.air_s)
+    return over / (under * p.supply_volume) * (pumped - demand - relieved)

@@ -9,20 +9,23 @@ import numpy as np
 
 from sim.compiled import Record, compiled, inlined
 from sim.hydraulics.flow import (
+    CRANK_NEAR,
     LEAST_VOLUME,
     W,
     Y,
     airy,
-    bulk_modulus,
     drive,
     encoded,
+    expand_stroke,
+    fed,
     friction_level,
     near,
     opening,
     rates,
     seen,
     set_pressure,
-    stroke,
+    shaken,
+    stroke_near,
 )
 
 if TYPE_CHECKING:
@@ -51,12 +54,20 @@ STATE = np.dtype(
             "warmth",  # [K] above nominal
             "conductance",  # [m^3/s/V/Pa^0.5] of an orifice in these surroundings
             "thinner",  # [1] by which leakage has grown with temperature
-            "absolute_a",  # [Pa] absolute, at the substep's begin
+            "absolute_a",  # [Pa] absolute, about which the oil's stiffness is expanded
             "absolute_b",
+            "absolute_s",
             "inverse_a",  # [1/Pa] 1 over these
             "inverse_b",
-            "air_a",  # [1] part of the volume that is air then
+            "inverse_s",
+            "air_a",  # [1] part of the volume that is air there
             "air_b",
+            "air_s",
+            "crank_at",  # [unit] about which the crank is expanded
+            "way",  # [m] stroke there
+            "lever",  # [m/unit]
+            "lever_1",  # [m/unit^2], and so on: its derivatives
+            "lever_2",
             "steps",  # Runge-Kutta steps so far
         )
     ]
@@ -76,7 +87,12 @@ MOST_EVENTS = 10000
 
 @compiled
 def surroundings(p: Record, s: Record, supply: float, warmth: float) -> None:
-    """Have `supply` times the rig file's pressure, `warmth` [K] above nominal from now on."""
+    """Have `supply` times the rig file's pressure, `warmth` [K] above nominal from now on.
+
+    What was expanded about a state is forgotten, so that it may be asked after any change of `p` or `s`.
+    """
+    s.absolute_a = s.absolute_b = s.absolute_s = 0.0
+    s.crank_at = math.inf
     s.supply, s.warmth = supply, warmth
     s.thinner = math.exp(p.oil_thermal * warmth)
     s.conductance = p.conductance
@@ -127,8 +143,11 @@ def advance(p: Record, s: Record, t: float) -> None:
     """Bring the plant to `t` [s], the command held."""
     events = 0
     while s.t < t:
+        begin(p, s)
         left = t - s.t
-        pieces = math.ceil(left / longest(p, s) - 1e-9)
+        square, pieces = left * left * quickest(p, s), 1.0
+        if square > 1.0:
+            pieces = math.ceil(math.sqrt(square) - 1e-9)
         h = left / pieces if pieces > 1.0 else left
         z = (
             s.spool,
@@ -155,34 +174,47 @@ def advance(p: Record, s: Record, t: float) -> None:
                 s.t = t
 
 
-@compiled
-def longest(p: Record, s: Record) -> float:
-    """Begin a substep; how long it may be [s]: all that moves is followed."""
+@inlined
+def begin(p: Record, s: Record) -> None:
+    """Begin a substep: expand what is costly about where the plant is, if it has gone too far."""
+    s.absolute_a, s.inverse_a, s.air_a = airy(p, s.pressure_a, s.absolute_a, s.inverse_a, s.air_a)
+    s.absolute_b, s.inverse_b, s.air_b = airy(p, s.pressure_b, s.absolute_b, s.inverse_b, s.air_b)
+    if p.supply_droop > 0.0:
+        s.absolute_s, s.inverse_s, s.air_s = airy(p, s.pressure_s, s.absolute_s, s.inverse_s, s.air_s)
+    if p.cylinder_arm > 0.0 and not abs(s.position - s.crank_at) <= 0.5 * CRANK_NEAR:
+        expand_stroke(p, s)
+
+
+@inlined
+def quickest(p: Record, s: Record) -> float:
+    """Square of the least number of substeps a second that follow all that moves [1/s^2]."""
     lever, va, vb = 1.0, p.volume_a, p.volume_b
     if p.rotary == 0.0:
-        way, lever = stroke(p, s.position)
+        way, lever = stroke_near(p, s, s.position)
         va, vb = max(va + p.area_a * way, LEAST_VOLUME * va), max(vb - p.area_b * way, LEAST_VOLUME * vb)
-    s.absolute_a, s.air_a = airy(p, s.pressure_a)
-    s.absolute_b, s.air_b = airy(p, s.pressure_b)
-    s.inverse_a, s.inverse_b = 1.0 / s.absolute_a, 1.0 / s.absolute_b
-    ca = near(p, s.pressure_a, s.absolute_a, s.inverse_a, s.air_a) / va
-    cb = near(p, s.pressure_b, s.absolute_b, s.inverse_b, s.air_b) / vb
-    square = (p.area_a * p.area_a * ca + p.area_b * p.area_b * cb) * lever * lever / p.load_inertia
-    rate = max(p.valve_omega / SPOOL_STEP, math.sqrt(square * (1.0 + p.load_second)) / LOAD_STEP)
+    over, under = near(p, s.pressure_a, s.absolute_a, s.inverse_a, s.air_a)
+    ca = over / (under * va)
+    over, under = near(p, s.pressure_b, s.absolute_b, s.inverse_b, s.air_b)
+    cb = over / (under * vb)
+    stiff = (p.area_a * p.area_a * ca + p.area_b * p.area_b * cb) * lever * lever / p.load_inertia
+    found = max(
+        (p.valve_omega * (1.0 / SPOOL_STEP)) ** 2,
+        stiff * (1.0 + p.load_second) * (1.0 / LOAD_STEP**2),
+    )
     o = max(abs(opening(p, s.spool)), abs(opening(p, s.target))) + p.clearance
     if o > 0.0:
         ps = s.pressure_s
         into, out = min(ps - s.pressure_a, ps - s.pressure_b), min(s.pressure_a, s.pressure_b) - p.supply_tank
-        least = min(abs(into), abs(out))
-        slope = s.conductance * o / math.sqrt(max(least, p.valve_laminar))
-        rate = max(rate, max(ca, cb) * slope / ORIFICE_STEP)
+        slope = s.conductance * o * max(ca, cb) * (1.0 / ORIFICE_STEP)
+        found = max(found, slope * slope / max(min(abs(into), abs(out)), p.valve_laminar))
     if p.supply_droop > 0.0:
-        rate = max(rate, bulk_modulus(p, s.pressure_s) / (p.supply_volume * p.supply_droop) / ORIFICE_STEP)
+        over, under = near(p, s.pressure_s, s.absolute_s, s.inverse_s, s.air_s)
+        found = max(found, (over * p.relief / (under * p.supply_volume * ORIFICE_STEP)) ** 2)
     if p.sensor_lag_time > 0.0:
-        rate = max(rate, 1.0 / (ORIFICE_STEP * p.sensor_lag_time))
+        found = max(found, (1.0 / (ORIFICE_STEP * p.sensor_lag_time)) ** 2)
     if p.load_second > 0.0:
-        rate = max(rate, p.load_second_omega * math.sqrt(1.0 + p.load_second) / LOAD_STEP)
-    return 1.0 / rate
+        found = max(found, p.load_second_omega**2 * (1.0 + p.load_second) * (1.0 / LOAD_STEP**2))
+    return found
 
 
 @inlined
@@ -205,10 +237,12 @@ def _along(z: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
     """One Runge-Kutta step of `h` [s] from `z`."""
     half = 0.5 * h
-    a = rates(p, s, s.t, z)
-    b = rates(p, s, s.t + half, _along(z, a, half))
-    c = rates(p, s, s.t + half, _along(z, b, half))
-    d = rates(p, s, s.t + h, _along(z, c, h))
+    middle, end = s.t + half, s.t + h
+    feed, shake = fed(p, s, middle), shaken(p, s, middle)
+    a = rates(p, s, z, fed(p, s, s.t), shaken(p, s, s.t))
+    b = rates(p, s, _along(z, a, half), feed, shake)
+    c = rates(p, s, _along(z, b, half), feed, shake)
+    d = rates(p, s, _along(z, c, h), fed(p, s, end), shaken(p, s, end))
     return _along(_along(_along(_along(z, a, h / 6.0), b, h / 3.0), c, h / 3.0), d, h / 6.0)
 
 
@@ -228,7 +262,7 @@ def accept(p: Record, s: Record, z: tuple[float, ...], h: float) -> None:
 def event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
     """Above 0 where the load has stopped, broken away, or met an end within the `h` [s] that ended in `z`."""
     if s.motion == 0.0:
-        push = drive(p, s, s.t + h, z)
+        push = drive(p, s, z, shaken(p, s, s.t + h))
         return (abs(push) if s.stopped == 0.0 else -s.stopped * push) - friction_level(p, 0.0)
     turned = -1.0
     if p.load_coulomb + p.load_stribeck > 0.0:
@@ -274,7 +308,7 @@ def switch(p: Record, s: Record) -> None:
         s.pressure_s,
         s.lagged,
     )
-    push, holds = drive(p, s, s.t, z), friction_level(p, 0.0)
+    push, holds = drive(p, s, z, shaken(p, s, s.t)), friction_level(p, 0.0)
     if s.motion != 0.0:
         s.velocity = 0.0
         if s.position >= p.stop_high:

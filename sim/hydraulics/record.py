@@ -26,6 +26,7 @@ DERIVED = (
     "volume_b",
     "conductance",  # [m^3/s/V/Pa^0.5] of one orifice
     "clearance",  # [V] opening that each orifice always has
+    "relief",  # [m^3/s/Pa] what the relief valve lets go more, for more pressure; 0: stiff supply
     "minus_inverse_polytropic",  # [1]
     "crank_angle",  # [rad] of a cylinder's crank at position 0
     "crank_square",  # [m^2] base^2 + arm^2
@@ -167,6 +168,7 @@ def _derived(hydraulic: Hydraulic, v: Values) -> Values:
         "rotary": float("motor" in hydraulic),
         "conductance": opening / math.sqrt(0.5 * v["valve_rated_drop"]),
         "clearance": v["valve_leakage"] / opening,
+        "relief": 1.0 / v["supply_droop"] if v["supply_droop"] > 0.0 else 0.0,
         "crank_angle": 0.0,
         "crank_square": 0.0,
     }

@@ -16,9 +16,9 @@ LISTED = (
     "pressure_dependent_stiffness", "load_resonance", "valve_rate_limit", "sensor_nonlinearity",
     "static_valve_map",
 )  # fmt: skip
-ELSEWHERE = ("rectified_sensor", "held_readings", "measured_disturbance")
-"""Hidden in records of their own (`test_slow_and_signless_sensors`,
-`test_diagnose_measured_disturbance`): they leave all of it or none, or come with a channel."""
+ELSEWHERE = ("rectified_sensor", "held_readings", "measured_disturbance", "null_shift")
+"""Hidden in records of their own (`test_slow_and_signless_sensors`, `test_diagnose_measured_disturbance`,
+`test_null_behind_orifices`): they leave all of it or none, come with a channel, or need a bent valve."""
 DEFECTS = ("outliers", "missing_samples", "timing_jitter")
 BRISTLES = "lugre_friction"
 """Truth behind a Coulomb friction: bristles that give way."""

@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from scipy.signal import detrend
 
 from sim.config import PlantConfig
-from sim.hydraulics import closed_loop, motion
-from sim.hydraulics.linear import Physics, rest_pressures, small_signal
+from sim.hydraulics import closed_loop, flow, motion
+from sim.hydraulics.linear import Physics, lever, rest_pressures, small_signal
+from sim.hydraulics.live import HydraulicPlant
 from sim.hydraulics.parts import PARTS
 from sim.hydraulics.record import record_of
 
@@ -228,15 +229,50 @@ def test_no_chamber_falls_below_the_vapour_pressure():
     assert min(s["pressure_a"].min(), s["pressure_b"].min()) == -9.5e4
 
 
-def test_substeps_are_short_enough(monkeypatch):
-    """Halving them changes nothing that matters."""
+CRANK = {"cylinder": {"base": 0.43, "length": 0.35, "arm": 0.25}, "load": {"inertia": 20.0}}
+
+
+@pytest.mark.parametrize("parts", [MOTOR, ROD, merged(ROD, CRANK)])
+def test_substeps_are_short_enough(parts):
+    """Substeps an eighth as long change nothing that matters."""
     t = np.arange(1000) * 5e-4
     u = 3.0 * np.sign(np.sin(2 * math.pi * 12 * t))
     fine_t = np.arange(8000) * (5e-4 / 8)
-    for base in (MOTOR, ROD):
-        coarse = run(plant(base), t, u)[1]["velocity"]
-        fine = run(plant(base), fine_t, np.repeat(u, 8))[1]["velocity"][::8]
-        assert np.abs(coarse - fine).max() < 1e-3 * np.ptp(fine)
+    coarse = run(plant(parts), t, u)[1]["velocity"]
+    fine = run(plant(parts), fine_t, np.repeat(u, 8))[1]["velocity"][::8]
+    assert np.abs(coarse - fine).max() < 1e-3 * np.ptp(fine)
+
+
+def test_what_is_expanded_about_a_state_is_the_physics():
+    """Stiffness of oil and supply, stroke and lever near where they were computed, and far from it."""
+    p = record_of(plant(merged(ROD, CRANK), {"oil": {"air": 0.02}, "supply": {"droop": 5e8}}))
+    s = motion.new_state(p, (3e6, 4e6), position=0.2)[0]
+    motion.begin(p[0], s)
+    physics = Physics(p, 0.2)
+    for base in ("a", "b", "s"):
+        about = [s[f"{name}_{base}"] for name in ("absolute", "inverse", "air")]
+        for off, exact in ((0.0, 1e-12), (0.09, 2e-8), (-0.09, 2e-8), (0.29, 1e-5), (2.0, 1e-12)):
+            pressure = about[0] * (1.0 + off) - 101325.0
+            over, under = flow.near(p[0], pressure, *about)
+            assert over / under == pytest.approx(physics.stiffness(pressure), rel=exact)
+    for off, exact in ((0.0, 1e-14), (1.9e-3, 2e-9), (-1.9e-3, 2e-9), (0.1, 1e-14)):
+        way, slope = flow.stroke_near(p[0], s, 0.2 + off)
+        assert (slope, way) == pytest.approx(lever(physics.p, 0.2 + off), rel=exact)
+
+
+def test_oil_that_is_changed_under_way_acts_at_once():
+    """What was expanded about a state is not kept from the oil before."""
+    with_air, without = record_of(plant(more={"oil": {"air": 0.2}})), record_of(plant())
+    speeds = []
+    for first in (with_air, without):
+        live = HydraulicPlant(first)
+        live.command(0.0, 0.0)
+        live.advance(1e-3)
+        live.change(1e-3, with_air)
+        live.command(1e-3, 1.5)
+        live.advance(6e-3)
+        speeds.append(live.velocity)
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(

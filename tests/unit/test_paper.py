@@ -76,8 +76,11 @@ NUMBERS = {
         "within": 0.02,
         "maps": [
             {"axis": "roll", "ps": [5e6, 1e7], "e_a": [0.1, 1.0], "worst": [[0.01, 0.3], [None, 0.2]],
-             "largest_e_a": [0.2, None], "rig_e_a": 0.5}
+             "largest_e_a": [0.2, None], "rig_e_a": 0.5},
+            {"axis": "rudder", "ps": [5e6, 1e7], "e_a": [0.1, 1.0], "worst": [[0.03, 0.3], [0.04, 0.2]],
+             "largest_e_a": [None, None], "rig_e_a": 0.1},
         ],
+        "rudder_gains": {"steady": 0.14, "quick": 0.15},
     },
 }  # fmt: skip
 
@@ -142,6 +145,12 @@ def test_response_and_small_signals_agree_where_the_amplitude_is_small():
     true = bench.true()
     assert fit.omega_n == pytest.approx(true["omega_n"], rel=0.01)
     assert pytest.approx(true["K_L"], rel=0.02) == fit.K_L
+
+
+def test_the_gain_of_quick_movements_is_the_steady_one_but_of_a_single_rod():
+    roll, rudder = (Bench(f"{rig}-hydraulic", axis) for rig, axis in (("seat", "roll"), ("tail", "rudder")))
+    assert roll.quick_gain(7e6, 0.0) == pytest.approx(roll.true(7e6)["K_L"], rel=0.01)
+    assert rudder.quick_gain(7e6, 0.0) > 1.05 * rudder.true(7e6)["K_L"]
 
 
 def test_a_larger_relay_finds_another_plant():

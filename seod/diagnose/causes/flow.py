@@ -27,6 +27,11 @@ def full_pressure(values: Values, scales: Scales) -> float:
     return values["omega_n"] * values["K_L"] * scales.volts / (2.0 * values["zeta"])
 
 
+def null_of_load(values: Values) -> float:
+    """Volts of null shift that are, while the flow is straight, a load of 1 unit/s^2."""
+    return 2.0 * values["zeta"] / (values["omega_n"] * values["K_L"])
+
+
 ASYMMETRIC_GAIN: Final = Cause(
     name="asymmetric_gain",
     says="Openings of the two signs have unequal gains: an unequal cylinder, or an unequal spool.",

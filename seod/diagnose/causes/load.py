@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.flow import full_pressure
+from seod.diagnose.causes.flow import full_pressure, null_of_load
 from seod.diagnose.causes.record import Alike, Cause, Coordinate, Plain, signed, sized
 from sim.effects import FAR
 
 if TYPE_CHECKING:
-    from seod.diagnose.causes.scales import Scales
+    from collections.abc import Callable
+
+    from seod.diagnose.causes.scales import Scales, Values
 
 BIAS_SCALE, BIAS_START = 0.1, 0.02
 """A constant load over the load pressure: size in whose steps it is searched, and a start; chosen."""
@@ -28,6 +30,8 @@ RESONANCE_TICKS: Final = 2.0
 """Of it times the sampling interval, at most: a third of a wave between samples."""
 LEAST_RESONANCE_DAMPING, MOST_RESONANCE_DAMPING = 2e-3, 0.5
 """Damping ratio of a second inertia: of steel alone, to where it no longer resonates; chosen."""
+BENT_AT_NULL: Final = frozenset({"valve_deadband", "asymmetric_gain", "square_root_flow"})
+"""Causes that bend the flow where the valve is closed."""
 INERTIA_STARTS: Final = (
     *((0.2, x, 0.05) for x in (0.6, 1.3, 2.5, 5.0)),
     *((1.0, x, 0.05) for x in (1.3, 1.8)),
@@ -36,11 +40,25 @@ INERTIA_STARTS: Final = (
 plant's own, where it splits its resonance; chosen."""
 
 
+def null_for(load: Callable[[Values], float]) -> Alike:
+    """A valve's null in place of a constant load: they differ where the flow bends, which is at the null."""
+    return Alike(
+        "null_shift",
+        lambda v, _: {"null_shift.voltage": load(v) * null_of_load(v)},
+        beside=BENT_AT_NULL,
+    )
+
+
 def _spring(s: Scales) -> tuple[Coordinate, ...]:
     return (
         signed("stiffness", SPRING_SCALE * s.omega_n**2, STIFFEST_SPRING),
         signed("centre", s.travel, FAR),
     )
+
+
+def _at_0(values: Values) -> float:
+    """Load of a spring at position 0 [unit/s^2]."""
+    return -values["load_spring.stiffness"] * values["load_spring.centre"]
 
 
 def _resonance(s: Scales) -> tuple[Coordinate, ...]:
@@ -63,6 +81,7 @@ LOAD_BIAS: Final = Cause(
             lambda v, s: {"asymmetric_gain.ratio": -v["load_bias.acceleration"] / full_pressure(v, s)},
             always=False,
         ),
+        null_for(lambda v: v["load_bias.acceleration"]),
     ),
     offset="acceleration",
 )
@@ -73,8 +92,9 @@ LOAD_SPRING: Final = Cause(
     starts=lambda s: tuple((x * s.omega_n**2, s.centre) for x in SPRINGS),
     plain=Plain(
         "load_bias",
-        becomes=lambda v: {"load_bias.acceleration": v["load_spring.stiffness"] * v["load_spring.centre"]},
+        becomes=lambda v: {"load_bias.acceleration": _at_0(v)},
     ),
+    alike=(null_for(_at_0),),
     states=("position",),
 )
 LOAD_RESONANCE: Final = Cause(

@@ -130,11 +130,14 @@ class Alike:
         name: Of the other.
         same: The other's parameters at which it does, from those of a set with this one.
         always: Or only where the recordings have two commands and no more.
+        beside: Causes of which one must be in the set: without any both are the same, and it is not asked.
+            None: it always is.
     """
 
     name: str
     same: Callable[[Values, Scales], Values]
     always: bool = True
+    beside: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.causes.flow import null_of_load
 from seod.diagnose.causes.record import (
     Alike,
     Cause,
@@ -13,7 +14,6 @@ from seod.diagnose.causes.record import (
     Hidden,
     Plain,
     linear,
-    no_coordinates,
     not_searched,
     signed,
     sized,
@@ -58,6 +58,9 @@ RAMPS: Final = (0.3, 1.0, 3.0)
 LONGEST_RAMP: Final = 100.0
 """The same, at most: such a valve holds back all that the plant could do; chosen."""
 
+NULL_SCALE, NULL_START = 0.1, 0.02
+"""A valve's null over the largest command: size in whose steps it is searched, and a start; chosen."""
+
 MAP_BENDS: Final = tuple(f"bend_{k}" for k in range(1, MAP_KNOTS))
 MAP_TILTS: Final = tuple(f"tilt_{k}" for k in range(1, MAP_KNOTS + 1))
 MAP_SIZE, LARGEST_MAP = 0.02, 0.5
@@ -83,6 +86,11 @@ def _monotone(effects: Effects, s: Scales) -> None:
     tilt = 0.5 * (up - down)
     told = zip((*MAP_BENDS, *MAP_TILTS), (*bend[1:-1], *tilt[1:]), strict=True)
     effects["static_valve_map"] |= {name: float(value) for name, value in told}
+
+
+def _load_of_null(values: Values) -> Values:
+    """The constant load that is a null shift while the flow is straight."""
+    return {"load_bias.acceleration": values["null_shift.voltage"] / null_of_load(values)}
 
 
 def _off(effects: Effects) -> float:
@@ -228,9 +236,12 @@ VALVE_RATE_LIMIT: Final = Cause(
 )
 NULL_SHIFT: Final = Cause(
     name="null_shift",
-    says="The valve is closed at another voltage than 0: load_bias stands for it.",
-    coordinates=no_coordinates,
+    says="The valve is closed at another voltage than 0.",
+    coordinates=lambda s: (signed("voltage", NULL_SCALE * s.volts, s.volts),),
+    starts=lambda s: ((NULL_START * s.volts,),),
     searched=not_searched,
+    plain=Plain("load_bias", becomes=_load_of_null),
+    alike=(Alike("load_bias", lambda v, _: _load_of_null(v)),),
     mirrored=("voltage",),
 )
 VALVE_DEADBAND: Final = Cause(

@@ -58,6 +58,7 @@ def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
         for other in CAUSES[name].alike
         if other.name not in {*model.names, *model.scales.given}
         and (other.always or model.scales.two_commands)
+        and (not other.beside or not other.beside.isdisjoint(model.names))
     ]
 
 
