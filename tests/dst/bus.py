@@ -450,7 +450,8 @@ class Rig:
     def _put_back(self) -> None:
         """Somebody puts a load that stands out of its travel back to the middle."""
         plant = self.plant
-        plant.position = min(max(plant.position, -STOPS), STOPS)
+        if not -STOPS <= plant.position <= STOPS:
+            plant.position = math.copysign(STOPS, plant.position)
         if abs(plant.position) < BACK or self.volts != 0.0:
             self._away_since = self.world.now
         elif self.world.now - self._away_since > 0.5:
