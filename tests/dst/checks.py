@@ -23,6 +23,8 @@ TICKS = 2
 """Promised: neutral after so many ticks, where the loop lives and the bus works."""
 SETTLED_S = 0.5
 """After trouble of the bus: until neutral has left again, or the rig's own watchdog has acted."""
+ORDER = 8
+"""Frames whose counter is so far behind are older ones; one that is farther ahead is in doubt."""
 ESTOP_OPEN, SAMPLES_STOPPED = "the e-stop line was opened", "samples stopped coming"
 SUPERVISOR_STOOD = "the supervisor stood still"
 
@@ -69,6 +71,7 @@ class Checks:
         self.supervisor_lost_at = -math.inf
         self.estop_open_at = self.estop_shut_at = -math.inf
         self.heard_at = world.now
+        self._newest = self._far = -1
         self.foreign_at = -math.inf
         self.bus_broken_at = -math.inf
         self.checked = 0
@@ -217,16 +220,29 @@ class Checks:
 
     # ---- what the sensors said, as it reached this computer
 
-    def sensed(self, run: bool, sound: bool) -> None:
-        """A sample arrived at this computer."""
+    def sensed(self, run: bool, sound: bool, counter: int | None) -> None:
+        """A sample arrived at this computer; what it says of the e-stop counts in the order of counters."""
         now = self.world.now
         if not sound:
             return
         self.heard_at = now
+        if counter is not None and not self._comes_next(counter):
+            return
         if not run and self.estop_open_at <= self.estop_shut_at:
             self.estop_open_at = now
         elif run and self.estop_shut_at <= self.estop_open_at:
             self.estop_shut_at = now
+
+    def _comes_next(self, counter: int) -> bool:
+        """Not an older frame, nor one far ahead, unless the next one goes on from that."""
+        ahead, of_far = (counter - self._newest) % 256, (counter - self._far) % 256
+        if ahead == 0 or ahead >= 256 - ORDER:
+            return False
+        near = ahead <= ORDER or 0 < of_far <= ORDER
+        self._far = counter
+        if near:
+            self._newest = counter
+        return near
 
     # ---- the rig
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -18,11 +19,14 @@ from drivers.serial_inputs import SerialInputs
 from seod.loop.guard import AxisGuard
 from seod.loop.tick import Loop
 from tests.dst.bus import Plant
+from tests.dst.checks import Checks
 from tests.dst.clients import Operator
+from tests.dst.exchange import System
 from tests.dst.faults import Fault
 from tests.dst.line import Stream, frame, stuffed, unstuffed
-from tests.dst.run import run
+from tests.dst.run import rig_config, run
 from tests.dst.shrink import shrunk
+from tests.dst.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -193,6 +197,17 @@ def test_a_client_that_leaves_in_the_turn_of_its_request_leaves_no_error_behind(
         Fault(6.1032, "client_gone", {"who": "operator"}),
     ]
     assert not run(190005, 5.0, faults).failures
+
+
+def test_a_late_frame_does_not_open_the_estop_line_again() -> None:
+    """Found by seed 300010: a swapped frame came behind a newer one, and the checks took its e-stop for news."""
+    world = World(1)
+    checks = Checks(world, System(world), rig_config("can", 200))
+    for counter, run_enable in ((1, True), (2, True), (4, True), (3, False), (4, False), (60, False)):
+        checks.sensed(run_enable, True, counter)
+    assert checks.estop_open_at == -math.inf
+    checks.sensed(False, True, 5)
+    assert checks.estop_open_at == world.now
 
 
 def test_a_sensor_that_shows_another_axis_from_the_start_lets_none_excite(
