@@ -74,7 +74,7 @@ class RowReader:
         return self._whole(rows, tail) if len(rows) else rows
 
     def _copied(self, tail: int, head: int) -> NDArray[np.void]:
-        """The slots of rows [tail, head), of which there are at most a ring's: one piece, or two at its end."""
+        """Rows [tail, head), at most as many as the ring holds: one piece, or two around its end."""
         slots = len(self._slots)
         first = tail % slots
         last = first + head - tail

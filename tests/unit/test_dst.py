@@ -200,7 +200,7 @@ def test_a_client_that_leaves_in_the_turn_of_its_request_leaves_no_error_behind(
 
 
 def test_a_late_frame_does_not_open_the_estop_line_again() -> None:
-    """Found by seed 300010: a swapped frame came behind a newer one, and the checks took its e-stop for news."""
+    """Found by seed 300010: the checks took the e-stop in a frame that came behind a newer one for news."""
     world = World(1)
     checks = Checks(world, System(world), rig_config("can", 200))
     for counter, run_enable in ((1, True), (2, True), (4, True), (3, False), (4, False), (60, False)):
