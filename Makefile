@@ -137,8 +137,7 @@ audit: $(READY)
 
 # What the daemon is made of, for whoever has to know (CycloneDX).
 sbom: $(READY)
-	mkdir -p build
-	$(BIN)/cyclonedx-py requirements requirements-run.lock --output-reproducible -o build/sbom.json
+	$(BIN)/python .ci/sbom.py
 
 release: $(READY)
 	.ci/release $(VERSION)

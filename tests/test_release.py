@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -67,6 +68,8 @@ def test_a_release_has_wheel_sbom_sums_changelog_and_tag(clone: Path) -> None:
     (wheel,) = made.glob("*.whl")
     text = zipfile.ZipFile(wheel).read(f"seod-{VERSION}.dist-info/METADATA").decode()
     assert f"\nVersion: {VERSION}\n" in text
+    component = json.loads((made / "sbom.json").read_text("utf-8"))["metadata"]["component"]
+    assert (component["name"], component["version"]) == ("seod", VERSION)
     subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=made, check=True)
     assert len((made / "SHA256SUMS").read_text().splitlines()) == 3
     again = release(clone)
