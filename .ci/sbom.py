@@ -15,14 +15,7 @@ OUT = Path("build/sbom.json")
 def main() -> int:
     """cyclonedx-py reads the lock and pyproject.toml, where the version is not."""
     program = Path(sys.executable).with_name("cyclonedx-py")
-    words = [
-        "requirements",
-        "--pyproject",
-        "pyproject.toml",
-        "--mc-type",
-        "application",
-        "requirements-run.lock",
-    ]
+    about = ["--pyproject", "pyproject.toml", "--mc-type", "application"]
     OUT.parent.mkdir(exist_ok=True)
     made = [program, "requirements", *about, "requirements-run.lock", "--output-reproducible", "-o", OUT]
     done = subprocess.run(made, check=False, capture_output=True, text=True)  # noqa: S603 - our own

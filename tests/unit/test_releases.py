@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 
 import seod
 from seod.config.load import load_text
@@ -20,8 +21,8 @@ RIG_FILES = sorted(RELEASES.glob("*/*.yaml"))
 
 def test_this_version_is_the_newest_release_or_comes_after_it() -> None:
     """Between two releases the version is that of the last one."""
-    kept = max(tuple(map(int, folder.name.split("."))) for folder in RELEASES.iterdir())
-    assert tuple(map(int, seod.__version__.split("."))) >= kept
+    kept = max(Version(folder.name) for folder in RELEASES.iterdir())
+    assert Version(seod.__version__) >= kept
 
 
 @pytest.mark.parametrize("path", RIG_FILES, ids=[f"{path.parent.name}-{path.stem}" for path in RIG_FILES])
