@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
-import seod
-
 OUT = Path("build/sbom.json")
+
+
+def version() -> str:
+    """Of this checkout, whatever is installed."""
+    found = re.search(r'^__version__ = "(.+)"$', Path("seod/__init__.py").read_text("utf-8"), re.M)
+    return found[1] if found else ""
 
 
 def main() -> int:
@@ -24,7 +29,7 @@ def main() -> int:
         return done.returncode
     told = json.loads(OUT.read_text("utf-8"))
     component = told["metadata"]["component"]
-    component |= {"version": seod.__version__, "purl": f"pkg:pypi/seod@{seod.__version__}"}
+    component |= {"version": version(), "purl": f"pkg:pypi/seod@{version()}"}
     parts = [each["bom-ref"] for each in told["components"]]
     told["dependencies"] = [
         {"ref": component["bom-ref"], "dependsOn": sorted(parts)},
