@@ -199,6 +199,17 @@ def test_a_client_that_leaves_in_the_turn_of_its_request_leaves_no_error_behind(
     assert not run(190005, 5.0, faults).failures
 
 
+@pytest.mark.parametrize(("seed", "left"), [(1, 5.9), (2, 5.26)])
+def test_a_client_that_leaves_while_a_new_loop_fails_leaves_no_error_behind(seed: int, left: float) -> None:
+    """Found by seed 300047: nobody fetched why the new loop had failed."""
+    faults = [
+        Fault(5.0, "gone", {"for": 2.0}),
+        Fault(5.001, "kill", {"who": "loop", "points": 0}),
+        Fault(left, "client_gone", {"who": "operator"}),
+    ]
+    assert not run(seed, 5.0, faults).failures
+
+
 def test_a_late_frame_does_not_open_the_estop_line_again() -> None:
     """Found by seed 300010: the checks took the e-stop in a frame that came behind a newer one for news."""
     world = World(1)
