@@ -20,7 +20,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
-.PHONY: run test lint format outputs docs notebook unit pythons fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
+.PHONY: run test lint format outputs docs notebook unit pythons compiled fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -30,7 +30,7 @@ UNIT := $(BIN)/pytest tests/unit -n auto --dist loadfile --no-loadscope-reorder
 NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.ipynb
 
 test: $(READY)
-	$(MAKE) --jobs=2 --output-sync=target lint docs fuzz-briefly notebook
+	$(MAKE) --jobs=2 --output-sync=target lint docs compiled fuzz-briefly notebook
 	$(UNIT)
 	$(BIN)/pytest tests/blind -n auto
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
@@ -60,13 +60,17 @@ outputs: $(READY)
 unit: $(READY)
 	$(UNIT) -m "not slow and not processes"
 
-# The quick unit tests by each supported Python that is at hand, each in an environment of its own. A minute or two for each to
-# install, so CI has the one that it finds, and a release (.ci/release) all.
+# The quick unit tests by each supported Python that is at hand, each in an environment of its own. A quarter of an hour for each to
+# install and run, so CI has the one that it finds and of the others `compiled`; a release (.ci/release) has all.
+PYTHONS := 3.11 3.12 3.13
 pythons:
-	@for version in 3.11 3.12 3.13; do \
-		if python$$version -c '' 2>/dev/null; then \
-			$(MAKE) unit PYTHON=python$$version VENV=build/python$$version || exit 1; \
-		else echo "python$$version is not at hand: not tested"; fi; done
+	@for python in $$(.ci/pythons $(PYTHONS)); do \
+		name=$$($$python -c 'import sys; print("python%d.%d" % sys.version_info[:2])'); \
+		$(MAKE) unit PYTHON=$$python VENV=build/$$name || exit 1; done
+
+# What each of them says of the sources, with nothing installed: two seconds each.
+compiled:
+	@for python in $$(.ci/pythons $(PYTHONS)); do $$python .ci/compiles.py || exit 1; done
 
 # Bytes by coverage into all that takes them: FOR=600 [s] each; the corpus stays in build/corpus.
 fuzz-bytes: $(READY)
@@ -137,8 +141,7 @@ audit: $(READY)
 
 # What the daemon is made of, for whoever has to know (CycloneDX).
 sbom: $(READY)
-	mkdir -p build
-	$(BIN)/cyclonedx-py requirements requirements-run.lock --output-reproducible -o build/sbom.json
+	$(BIN)/python .ci/sbom.py
 
 release: $(READY)
 	.ci/release $(VERSION)

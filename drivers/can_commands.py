@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 GIVEN_UP = 32
 """Frames that are no longer waited for and may still come back, at most."""
+KEPT = 256
+"""Frames whose data are kept: a relay's two commands and neutral take 48, with a counter of 4 bits."""
 
 
 class CommandFrame:
@@ -69,6 +71,7 @@ class CommandFrame:
         self._signals = signals
         self.places = tuple(at for _, at in signals)
         self._echo = echo
+        self._kept: dict[tuple[float, ...], bytes] = {}
 
     def encode(self, values: Sequence[float], counter: int) -> bytes:
         """Data of the frame for the outputs' values.
@@ -76,7 +79,19 @@ class CommandFrame:
         Raises:
             CodecError: A value is not finite.
         """
-        return self._codec.encode(self._name, {name: values[at] for name, at in self._signals}, counter)
+        chosen = [values[at] for at in self.places]
+        key = (counter % (self.period or 1), *chosen)
+        data = self._kept.get(key)
+        if data is None:
+            named = {name: value for (name, _), value in zip(self._signals, chosen, strict=True)}
+            data = self._codec.encode(self._name, named, counter)
+            self._keep(key, data)
+        return data
+
+    def _keep(self, key: tuple[float, ...], data: bytes) -> None:
+        if len(self._kept) >= KEPT:  # commands that vary, such as a sine's
+            self._kept.clear()
+        self._kept[key] = data
 
     def load(self, values: Sequence[float]) -> can.Message:
         """The next frame."""

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 PROTOCOL = 1
 """Version of the JSON-RPC protocol; raised when a message changes incompatibly."""
 

@@ -184,6 +184,7 @@ class Mailbox:
         self._estops.clear()
         if self._restarted is not None and not self._restarted.done():
             self._restarted.set_exception(RpcError(REFUSED, f"the new loop failed: {why}"))
+            self._restarted.exception()  # whoever waits gets it; who has left does not need it
 
     async def restart(self) -> None:
         """Have a new loop started and wait until it ticks; callers meanwhile share it.

@@ -67,22 +67,32 @@ class RowReader:
         """
         tail, head = self._ring.pending()
         head = min(head if upto is None else max(upto, tail), tail + MAX_ROWS)
-        rows = self._slots[np.arange(tail, head) % len(self._slots)]
+        rows = self._copied(tail, head)
         self._ring.tail = head
         if not self._looks_on:
             self._words[Word.CONSUMED] = head
-        return self._whole(rows, tail)
+        return self._whole(rows, tail) if len(rows) else rows
+
+    def _copied(self, tail: int, head: int) -> NDArray[np.void]:
+        """Rows [tail, head), at most as many as the ring holds: one piece, or two around its end."""
+        slots = len(self._slots)
+        first = tail % slots
+        last = first + head - tail
+        if last <= slots:
+            return self._slots[first:last].copy()
+        return np.concatenate((self._slots[first:], self._slots[: last - slots]))
 
     def _whole(self, rows: NDArray[np.void], tail: int) -> NDArray[np.void]:
         """Without the rows that the loop overwrote while they were copied: their ticks are out of order."""
         overwritten = max(0, self._ring.head[0] - len(self._slots) + 1 - tail)
         whole = rows[overwritten:]
-        ticks = np.concatenate(([self._last_tick], whole["tick"]))
-        whole = whole[ticks[1:] > np.maximum.accumulate(ticks)[:-1]]
-        self._torn += len(rows) - len(whole)
-        if len(whole):
-            self._last_tick = int(whole["tick"][-1])
-        return whole
+        kept = []
+        for place, tick in enumerate(whole["tick"].tolist()):
+            if tick > self._last_tick:
+                self._last_tick = tick
+                kept.append(place)
+        self._torn += len(rows) - len(kept)
+        return whole if len(kept) == len(whole) else whole[kept]
 
     def close(self) -> None:
         """Let go of the memory, so that it can be unmapped."""

@@ -85,9 +85,9 @@ def valve_frame(volts: float, counter: int) -> bytes:
     return head + bytes([checksum(head)])
 
 
-def sensed(data: bytes) -> tuple[bool, bool]:
-    """Run enable of an encoder frame, and whether it is sound."""
-    return bool(data[4] & 1), data[7] == checksum(data[:7])
+def sensed(data: bytes) -> tuple[bool, bool, int]:
+    """Run enable of an encoder frame, whether it is sound, and its counter."""
+    return bool(data[4] & 1), data[7] == checksum(data[:7]), data[5]
 
 
 class Valve:
@@ -226,7 +226,7 @@ class Bus:
         works: Frames pass, both ways, in their time.
         on_command: Told of each command frame that the interface takes: socket, command.
         on_arrival: Told of each command frame that reaches the rig: data.
-        on_sensor: Told of encoder frames that reach this computer: run enable, sound.
+        on_sensor: Told of encoder frames that reach this computer: run enable, sound, counter.
         on_foreign: Told of others' commands that reach it.
     """
 
@@ -243,7 +243,7 @@ class Bus:
         self.others: deque[tuple[int, bytes]] = deque()
         self.on_command: Callable[[CanSocket, Valve], None] = lambda *_: None
         self.on_arrival: Callable[[bytes], None] = lambda _: None
-        self.on_sensor: Callable[[bool, bool], None] = lambda *_: None
+        self.on_sensor: Callable[[bool, bool, int], None] = lambda *_: None
         self.on_foreign: Callable[[], None] = lambda: None
         self._busy = False
 
@@ -450,7 +450,8 @@ class Rig:
     def _put_back(self) -> None:
         """Somebody puts a load that stands out of its travel back to the middle."""
         plant = self.plant
-        plant.position = min(max(plant.position, -STOPS), STOPS)
+        if not -STOPS <= plant.position <= STOPS:
+            plant.position = math.copysign(STOPS, plant.position)
         if abs(plant.position) < BACK or self.volts != 0.0:
             self._away_since = self.world.now
         elif self.world.now - self._away_since > 0.5:

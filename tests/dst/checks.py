@@ -23,6 +23,10 @@ TICKS = 2
 """Promised: neutral after so many ticks, where the loop lives and the bus works."""
 SETTLED_S = 0.5
 """After trouble of the bus: until neutral has left again, or the rig's own watchdog has acted."""
+ORDER = 8
+"""Frames whose counter is so far behind are older ones; one that is farther ahead is in doubt."""
+ESTOP_OPEN, SAMPLES_STOPPED = "the e-stop line was opened", "samples stopped coming"
+SUPERVISOR_STOOD = "the supervisor stood still"
 
 
 class LoopSeen:
@@ -35,7 +39,7 @@ class LoopSeen:
         self.active_at = -math.inf
         link = loop.driver._link
         self.end: CanSocket | Port | None = link._port if hasattr(link, "_port") else link._raw
-        self.overdue: dict[str, int] = {}
+        self.overdue = dict.fromkeys((ESTOP_OPEN, SAMPLES_STOPPED, SUPERVISOR_STOOD), 0)
         self.last_tick = -math.inf
 
 
@@ -53,6 +57,8 @@ class Checks:
         self._wire = system.bus
         self.period = 1.0 / config.loop.rate_hz
         self.limit = config.axes["motor"].limits.output
+        self._stale = config.guard.stale
+        self._silent_ticks = math.ceil(max(SUPERVISOR_SILENT_S, config.loop.hang_timeout) / self.period)
         self.rig: Rig
         self.seen: LoopSeen | None = None
         self.supervisor: Process | None = None
@@ -65,6 +71,7 @@ class Checks:
         self.supervisor_lost_at = -math.inf
         self.estop_open_at = self.estop_shut_at = -math.inf
         self.heard_at = world.now
+        self._newest = self._far = -1
         self.foreign_at = -math.inf
         self.bus_broken_at = -math.inf
         self.checked = 0
@@ -181,11 +188,12 @@ class Checks:
     def _ticked(self, seen: LoopSeen, t: float) -> None:
         seen.ticks += 1
         seen.last_tick = t
-        active = any(axis.course.active for axis in seen.loop.axes)
+        active = False
+        for place, axis in enumerate(seen.loop.axes):
+            active = active or axis.course.active
+            self._latched(seen, place, axis.course.state)
         if active:
             seen.active_at = t
-        for place, axis in enumerate(seen.loop.axes):
-            self._latched(seen, place, axis.course.state)
         self._conditions(seen, t, active)
 
     def _latched(self, seen: LoopSeen, place: int, state: AxisState) -> None:
@@ -195,34 +203,46 @@ class Checks:
             self.world.fail("a fault was left, and nobody asked for a reset")
 
     def _conditions(self, seen: LoopSeen, t: float, active: bool) -> None:
-        guard, supervisor = self.config.guard, self.supervisor
-        silent = math.ceil(max(SUPERVISOR_SILENT_S, self.config.loop.hang_timeout) / self.period)
-        standing = (
-            (
-                "the e-stop line was opened",
-                0,
-                self.estop_open_at > self.estop_shut_at and t > self.estop_open_at,
-            ),
-            ("samples stopped coming", 0, t - self.heard_at > guard.stale),
-            ("the supervisor stood still", silent, supervisor is not None and supervisor.stopped),
-        )
-        for what, allowed, holds in standing:
-            seen.overdue[what] = seen.overdue.get(what, 0) + 1 if holds else 0
-            if seen.overdue[what] > allowed + TICKS and active:
-                self.world.fail(f"the rig moves {seen.overdue[what]} ticks after {what}")
+        opened = self.estop_open_at
+        self._stops(seen, ESTOP_OPEN, self.estop_shut_at < opened < t, 0, active)
+        self._stops(seen, SAMPLES_STOPPED, t - self.heard_at > self._stale, 0, active)
+        stood = self.supervisor is not None and self.supervisor.stopped
+        self._stops(seen, SUPERVISOR_STOOD, stood, self._silent_ticks, active)
+
+    def _stops(self, seen: LoopSeen, what: str, holds: bool, allowed: int, active: bool) -> None:
+        """No axis moves two ticks after something has held for longer than `allowed` ticks."""
+        if not holds:
+            seen.overdue[what] = 0
+            return
+        seen.overdue[what] += 1
+        if seen.overdue[what] > allowed + TICKS and active:
+            self.world.fail(f"the rig moves {seen.overdue[what]} ticks after {what}")
 
     # ---- what the sensors said, as it reached this computer
 
-    def sensed(self, run: bool, sound: bool) -> None:
-        """A sample arrived at this computer."""
+    def sensed(self, run: bool, sound: bool, counter: int | None) -> None:
+        """A sample arrived at this computer; what it says of the e-stop counts in the order of counters."""
         now = self.world.now
         if not sound:
             return
         self.heard_at = now
+        if counter is not None and not self._comes_next(counter):
+            return
         if not run and self.estop_open_at <= self.estop_shut_at:
             self.estop_open_at = now
         elif run and self.estop_shut_at <= self.estop_open_at:
             self.estop_shut_at = now
+
+    def _comes_next(self, counter: int) -> bool:
+        """Not an older frame, nor one far ahead, unless the next one goes on from that."""
+        ahead, of_far = (counter - self._newest) % 256, (counter - self._far) % 256
+        if ahead == 0 or ahead >= 256 - ORDER:
+            return False
+        near = ahead <= ORDER or 0 < of_far <= ORDER
+        self._far = counter
+        if near:
+            self._newest = counter
+        return near
 
     # ---- the rig
 

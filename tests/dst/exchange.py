@@ -243,7 +243,9 @@ class CanShell:
         return bus.HostBus(raw)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(can, name)
+        value = getattr(can, name)
+        setattr(self, name, value)
+        return value
 
 
 def shells_of_link(world: World, system: System) -> Any:

@@ -214,7 +214,7 @@ class Line:
         works: Bytes pass, both ways, whole.
         on_command: Told of each command that the port takes: port, command.
         on_bytes: Told of bytes that reach the board.
-        on_sensor: Told of each sample that reaches this computer: run enable, sound.
+        on_sensor: Told of each sample that reaches this computer: run enable, sound, and no counter.
     """
 
     HEALTHY: ClassVar[dict[str, Any]] = {
@@ -234,7 +234,7 @@ class Line:
         self.inbox = bytearray()
         self.on_command: Callable[[Port, Command], None] = lambda *_: None
         self.on_bytes: Callable[[bytes], None] = lambda _: None
-        self.on_sensor: Callable[[bool, bool], None] = lambda *_: None
+        self.on_sensor: Callable[[bool, bool, int | None], None] = lambda *_: None
         self._out: deque[bytes] = deque()
         self._leaving: tuple[float, bytes] | None = None
         self._in_free = world.now
@@ -296,7 +296,7 @@ class Line:
             self.inbox += data[: max(0, ROOM - len(self.inbox))]
         for kind, _, body in self._stream.feed(data):
             if kind == SAMPLE:
-                self.on_sensor(bool(body[-1]), True)
+                self.on_sensor(bool(body[-1]), True, None)  # a line keeps the order
         for port in self.ports:
             port.tell()
 

@@ -129,7 +129,9 @@ class AsyncioShell:
         self.run = runner(world, network)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(asyncio, name)
+        value = getattr(asyncio, name)
+        setattr(self, name, value)  # asked once: what follows finds it here
+        return value
 
 
 class Listening:

@@ -30,7 +30,9 @@ class Shell:
         self._world, self._module = world, module
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._module, name)
+        value = getattr(self._module, name)
+        setattr(self, name, value)  # asked once: what follows finds it here
+        return value
 
 
 class Time(Shell):

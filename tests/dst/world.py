@@ -7,11 +7,11 @@ there it can be preempted, stopped or killed. Nothing here knows what the proces
 from __future__ import annotations
 
 import asyncio
-import heapq
 import math
 import signal
 from abc import ABC, abstractmethod
 from hashlib import blake2b
+from heapq import heappop, heappush
 from itertools import count
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -103,7 +103,12 @@ class Process:
     @property
     def latency(self) -> tuple[float, float]:
         """Range of its wake-up delays [s]."""
-        return self.prompt[0], max([self.prompt[1], *self.taken_by])
+        return (self.prompt[0], max([self.prompt[1], *self.taken_by])) if self.taken_by else self.prompt
+
+    def delay(self) -> float:
+        """From its wake-up to when it runs [s]."""
+        least, most = self.latency
+        return least + (most - least) * self.rng.random()
 
     @property
     def alive(self) -> bool:
@@ -195,13 +200,13 @@ class World:
 
     def at(self, t: float, do: Callable[[], None]) -> None:
         """Have something done at `t` [s]."""
-        heapq.heappush(self._heap, (max(t, self.now), next(self._order), do))
+        heappush(self._heap, (t if t > self.now else self.now, next(self._order), do))
 
     def run(self, until: float) -> None:
         """Let time pass."""
         heap = self._heap
         while heap and heap[0][0] <= until and not self.failures:
-            t, _, do = heapq.heappop(heap)
+            t, _, do = heappop(heap)
             if t > self.now:
                 self.now = t
             do()
@@ -232,7 +237,7 @@ class World:
     def wake(self, task: Task) -> None:
         """What it waits for is there: it runs as soon as the machine lets it."""
         token, process = task.token, task.process
-        self.at(self.now + process.rng.uniform(*process.latency), lambda: self._resume(task, token))
+        self.at(self.now + process.delay(), lambda: self._resume(task, token))
 
     def _resume(self, task: Task, token: int) -> None:
         process = task.process
@@ -284,8 +289,7 @@ class World:
                 end.watchers[task] = None
             if until < math.inf:
                 token = task.token
-                late = process.rng.uniform(*process.latency)
-                self.at(until + late, lambda: self._resume(task, token))
+                self.at(until + process.delay(), lambda: self._resume(task, token))
             loop = asyncio._get_running_loop()
             asyncio._set_running_loop(None)  # that of another gateway may run meanwhile
             try:

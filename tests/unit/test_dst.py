@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -18,11 +19,14 @@ from drivers.serial_inputs import SerialInputs
 from seod.loop.guard import AxisGuard
 from seod.loop.tick import Loop
 from tests.dst.bus import Plant
+from tests.dst.checks import Checks
 from tests.dst.clients import Operator
+from tests.dst.exchange import System
 from tests.dst.faults import Fault
 from tests.dst.line import Stream, frame, stuffed, unstuffed
-from tests.dst.run import run
+from tests.dst.run import rig_config, run
 from tests.dst.shrink import shrunk
+from tests.dst.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -193,6 +197,28 @@ def test_a_client_that_leaves_in_the_turn_of_its_request_leaves_no_error_behind(
         Fault(6.1032, "client_gone", {"who": "operator"}),
     ]
     assert not run(190005, 5.0, faults).failures
+
+
+@pytest.mark.parametrize(("seed", "left"), [(1, 5.9), (2, 5.26)])
+def test_a_client_that_leaves_while_a_new_loop_fails_leaves_no_error_behind(seed: int, left: float) -> None:
+    """Found by seed 300047: nobody fetched why the new loop had failed."""
+    faults = [
+        Fault(5.0, "gone", {"for": 2.0}),
+        Fault(5.001, "kill", {"who": "loop", "points": 0}),
+        Fault(left, "client_gone", {"who": "operator"}),
+    ]
+    assert not run(seed, 5.0, faults).failures
+
+
+def test_a_late_frame_does_not_open_the_estop_line_again() -> None:
+    """Found by seed 300010: the checks took the e-stop in a frame that came behind a newer one for news."""
+    world = World(1)
+    checks = Checks(world, System(world), rig_config("can", 200))
+    for counter, run_enable in ((1, True), (2, True), (4, True), (3, False), (4, False), (60, False)):
+        checks.sensed(run_enable, True, counter)
+    assert checks.estop_open_at == -math.inf
+    checks.sensed(False, True, 5)
+    assert checks.estop_open_at == world.now
 
 
 def test_a_sensor_that_shows_another_axis_from_the_start_lets_none_excite(

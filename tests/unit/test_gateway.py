@@ -1,4 +1,5 @@
 import asyncio
+import gc
 import json
 import math
 import os
@@ -306,6 +307,24 @@ async def test_a_new_loop_that_fails_as_well_is_told():
         error = await reset
     assert error["code"] == REFUSED
     assert "no such bus" in error["message"]
+
+
+async def test_a_new_loop_that_fails_once_its_client_has_left_leaves_no_error_behind(caplog):
+    """Found by the simulation, seed 300047: the journal told of an exception that nobody had fetched."""
+    async with running() as run:
+        mailbox = run.gateway.desk.mailbox
+        async with peer(run) as client:
+            run.link.send(json.dumps(DEATH).encode())
+            await eventually(lambda: mailbox.dead_why)
+            reset = asyncio.create_task(client.call("reset"))
+            await hear(run)
+            reset.cancel()
+        await eventually(lambda: not run.gateway.server.clients()["connected"])
+        run.link.send(json.dumps(DEATH | {"generation": 2, "why": "no such bus"}).encode())
+        await eventually(lambda: "no such bus" in mailbox.dead_why)
+        mailbox._restarted = None
+        gc.collect()
+    assert "never retrieved" not in caplog.text
 
 
 async def test_a_command_under_way_is_answered_when_the_loop_dies():
