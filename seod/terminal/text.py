@@ -13,6 +13,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+def figure(value: float, digits: int = 4) -> str:
+    """A number of a table: always so many significant digits, so that `2.30` stands beside `2.31`."""
+    return f"{value:#.{digits}g}".removesuffix(".")
+
+
 def with_sd(value: float | None, sd: float | None) -> str:
     """`0.21034 ± 0.00041`: as many digits as the standard deviation has to say anything about."""
     if value is None or not sd:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from seod.terminal import console as consoles
 from seod.terminal.progress import bar
+from seod.terminal.text import figure
 
 REPO = Path(__file__).parents[2]
 
@@ -47,6 +48,13 @@ def test_the_question_before_anything_moves_shows_its_choices(tmp_path):
     assert "motor will move, up and down through 60 % of the travel. Go on? [y/N]" in " ".join(told.split())
     assert "not wanted" in told
     assert code != 0
+
+
+def test_figures_of_a_table_keep_their_digits():
+    values = 2.3, 2.31, 157.2, 1571.0, 0.029, 0.0, -0.5
+    assert [figure(each, 3) for each in values] == [
+        "2.30", "2.31", "157", "1.57e+03", "0.0290", "0.00", "-0.500",
+    ]  # fmt: skip
 
 
 def test_words_with_brackets_and_colons_are_printed_as_they_are():

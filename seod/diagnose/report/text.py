@@ -19,7 +19,7 @@ from seod.diagnose.report.words import (
     percent,
 )
 from seod.terminal import console
-from seod.terminal.text import number, with_sd
+from seod.terminal.text import figure, number, with_sd
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Common, Diagnosis, Score
@@ -51,7 +51,7 @@ def _figures(d: Diagnosis, unit: str) -> Table:
 
 
 def _common(common: Common) -> list[str]:
-    values = (number(each, 5) for each in (common.omega_n, common.zeta, common.K_L))
+    values = (figure(each, 5) for each in (common.omega_n, common.zeta, common.K_L))
     return [percent(common.holdout_nrmse), "", *values]
 
 
@@ -69,7 +69,7 @@ def _free_runs(d: Diagnosis, unit: str) -> Table:
 def _score(score: Score) -> list[str]:
     whole = "leaves it" if score.diverged else percent(score.whole_nrmse)
     low, high = score.holdout_ci95
-    wide = f" [{100.0 * low:.3g}, {100.0 * high:.3g}]" if math.isfinite(high) else ""
+    wide = f" [{figure(100.0 * low, 3)}, {figure(100.0 * high, 3)}]" if math.isfinite(high) else ""
     values = [
         with_sd(getattr(score, name), 1.96 * score.sd.get(name, 0.0)) for name in ("omega_n", "zeta", "K_L")
     ]

@@ -9,7 +9,7 @@ from seod.diagnose.account.grade import told_apart
 from seod.diagnose.causes.table import CAUSES, sentence
 from seod.diagnose.report.units import Units
 from seod.diagnose.tuning.fitting import HELD_OUT
-from seod.terminal.text import number, with_sd
+from seod.terminal.text import figure, number, with_sd
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -204,18 +204,18 @@ def interval(parameter: Parameter, units: Units) -> str:
     value, (low, high) = parameter.value, parameter.ci95
     named = units.named(parameter.unit)
     if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{number(value)} {named}".strip()
+        return f"{figure(value)} {named}".strip()
     half = 0.5 * (high - low)
     if half > 0.0 and abs(high + low - 2.0 * value) < 0.2 * half:
         return f"{with_sd(value, half)} {named}".strip()
-    return f"{number(value)} [{number(low)}, {number(high)}] {named}".strip()
+    return f"{figure(value)} [{figure(low)}, {figure(high)}] {named}".strip()
 
 
 def percent(nrmse: float) -> str:
     """An NRMSE for people."""
     if not math.isfinite(nrmse):
         return "-"
-    return f"{100.0 * nrmse:.3g} %"
+    return f"{figure(100.0 * nrmse, 3)} %"
 
 
 MOST_RUNS: Final = 4
@@ -237,7 +237,7 @@ def free_run(score: Score, k: int) -> str:
     """Root mean squares of the error of one simulation of a whole recording."""
     run = score.free_runs[k]
     fitted, measured = (
-        number(each, 3) if math.isfinite(each) else "leaves it"
+        figure(each, 3) if math.isfinite(each) else "leaves it"
         for each in (run.from_fitted, run.from_measured)
     )
     return f"{fitted} ({measured})"
