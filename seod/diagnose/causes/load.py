@@ -65,6 +65,7 @@ LOAD_BIAS: Final = Cause(
         ),
     ),
     offset="acceleration",
+    drift="drift",
 )
 LOAD_SPRING: Final = Cause(
     name="load_spring",

@@ -10,6 +10,7 @@ import numpy as np
 
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
+from seod.diagnose.causes.table import OFFSET_DRIFT_PLACE
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
@@ -47,6 +48,11 @@ UNFITTED: Final = (
 SWEPT: Final = (
     "{name}: the command sweeps, its frequency or size goes one way with time. What depends on frequency or "
     "amplitude cannot be told from a drift then: a command that does not sweep tells"
+)
+DRIFTS: Final = (
+    "the constant load grows by {rate} unit/s^3 from the start of a recording, as of a drive that warms up: "
+    "one run leaves {with_it} % of thirds that no fit has seen, {without} % without the drift. Errors held "
+    "out are without it. Whether another recording drifts alike, --holdout tells"
 )
 UNSURE: Final = (
     "windows held out show a little more than noise and would not, had they been fitted, too: the others "
@@ -123,6 +129,7 @@ def answered(
             *dict.fromkeys(remark for each in checked for remark in each.remarks),
             *rare,
             *_limited(searched.chosen.last),
+            *_drifts(searched.chosen),
             *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
@@ -187,6 +194,14 @@ def _limited(fitted: Fitted) -> list[str]:
         for place in at_limits(fitted)
         if place in values
     ]
+
+
+def _drifts(chosen: Chosen) -> list[str]:
+    if chosen.drift is None:
+        return []
+    rate = chosen.last.model.values(chosen.last.x)[OFFSET_DRIFT_PLACE]
+    without, with_it = (number(100.0 * each) for each in (chosen.drift.without, chosen.drift.with_it))
+    return [DRIFTS.format(rate=number(rate), without=without, with_it=with_it)]
 
 
 def _swept(effect: FoundEffect, held: HeldOut) -> bool:
