@@ -15,6 +15,7 @@ from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut
+from seod.diagnose.verdict.answer import other_zeros
 
 RATE, LASTS, SUBSTEPS = 200, 24.0, 8
 K_L, LAG, FRICTION, LOAD, DRIFT = 0.17, 2.1, 0.2, -0.03, 1.2e-3
@@ -93,6 +94,21 @@ def test_nothing_is_told_once_the_work_is_used_or_under_a_sweep():
     t = one.t
     swept = replace(one, u=np.sin(t * t))
     assert drifting_load(begun, [swept], map, lambda: False) is None
+
+
+def test_a_recording_with_another_zero_is_told_but_no_other():
+    rng = np.random.default_rng(4)
+    y = np.sin(0.05 * np.arange(2000.0))
+    read = recording(y, y, noise=0.0)
+    one = series(read, np.zeros(2000, np.bool_), sees_speed=True)
+    near = y + 0.02 * rng.standard_normal(2000)
+    (said,) = other_zeros([one, one, one], [near, near + 0.1, near], seen=1)
+    assert said.startswith("held-out recording 1: one run is off by 14 % of y's deviation")
+    assert "a constant of 14 %" in said
+    assert said.endswith("But for that 2.8 % is left")
+    assert other_zeros([one, one], [near + 0.1, near], seen=1) == []
+    placed = series(read, np.zeros(2000, np.bool_), sees_speed=False)
+    assert other_zeros([placed], [near + 0.1], seen=0) == [], "a position's run begins where it is fitted"
 
 
 def test_a_rig_file_has_the_mean_load_of_the_recording():
