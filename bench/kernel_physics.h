@@ -95,6 +95,7 @@ static double stiffness(const Plant *p, const State *s) {
 
 static double drive(const Plant *p, const State *s, double t, double pressure, double position, double coupled) {
   double total = pressure - p->load_bias_acceleration - p->load_spring_stiffness * (position - p->load_spring_centre);
+  total -= p->load_bias_drift * (t - s->origin);
   if (p->periodic_disturbance_amplitude != 0.0)
     total += p->periodic_disturbance_amplitude *
              sin(p->periodic_disturbance_omega * (t - s->origin) + p->periodic_disturbance_phase);

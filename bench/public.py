@@ -26,7 +26,11 @@ import numpy as np
 from scipy.io import loadmat
 
 from seod.data import Recording, read
+from seod.diagnose.extend.model import Model
 from seod.diagnose.pipeline import Options, diagnose
+from sim.parameters import parameters
+from sim.runs import follow
+from sim.state import new_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -125,6 +129,20 @@ def errors(rig: Rig, told: Diagnosis) -> Iterator[tuple[float, float]]:
         yield tuple(float(np.sqrt(np.nanmean(each**2))) / rig.unit[1] for each in (error[rows], plain))  # type: ignore[misc]
 
 
+def at_mean_load(rig: Rig, told: Diagnosis) -> Iterator[float]:
+    """Likewise where the load stays at its mean over the record that was fitted, from the measured start."""
+    fitted, plant = rig.fitted[0], told.extended
+    model = Model(plant.K_L, plant.omega_n, plant.zeta, plant.effects).steady(float(np.ptp(fitted.t)))
+    if model.effects == plant.effects:
+        return
+    p = parameters(model.K_L, model.omega_n, model.zeta, model.effects, accuracy=0.3)
+    for part in rig.scored:
+        state = new_state(p, float(part.t[0]), float(part.y[0]))
+        y, none = np.empty(len(part.t)), np.empty(0)
+        follow(p[0], state[0], part.t, part.u, part.t, none, none, none, none, y)
+        yield float(np.sqrt(np.mean((part.y - y)[part.scored :] ** 2))) / rig.unit[1]
+
+
 def report(rig: Rig, effort: str) -> None:
     """Fit, score, print."""
     import tempfile
@@ -153,6 +171,10 @@ def report(rig: Rig, effort: str) -> None:
         print(
             f"  free run {k + 1}: {rms:.4g} {rig.unit[0]}{more}; a mean {mean:.3g}; published {rig.published}"
         )
+    for rms in at_mean_load(rig, told):
+        print(f"  from the measured start, the load at its mean as fitted: {rms:.4g} {rig.unit[0]}")
+    for each in told.remarks:
+        print(f"  {each}")
 
 
 RIGS: dict[str, Callable[[Path, bool], Rig]] = {"positioning": positioning, "drives": drives}

@@ -181,8 +181,11 @@ _ALL = (
     Effect(
         "load_bias",
         "load",
-        "A constant load: gravity, an unbalanced cylinder.",
-        (Parameter("acceleration", "unit/s^2", 0.0, -FAR, FAR, "against positive movement"),),
+        "A constant load: gravity, an unbalanced cylinder; or one that grows slowly, as a drive warms up.",
+        (
+            Parameter("acceleration", "unit/s^2", 0.0, -FAR, FAR, "against positive movement"),
+            Parameter("drift", "unit/s^3", 0.0, -FAR, FAR, "by which it grows, from the start on"),
+        ),
         "null_shift of 2 zeta acceleration / (omega_n K_L) volts; with a relay alone an asymmetric_gain.",
     ),
     Effect(

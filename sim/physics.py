@@ -154,6 +154,7 @@ def stiffness(p: Record, s: Record) -> float:
 def drive(p: Record, s: Record, t: float, pressure: float, position: float, coupled: float) -> float:
     """Acceleration of the whole load by everything but dry friction [unit/s^2]."""
     total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
+    total -= p.load_bias_drift * (t - s.origin)
     if p.periodic_disturbance_amplitude != 0.0:
         angle = p.periodic_disturbance_omega * (t - s.origin) + p.periodic_disturbance_phase
         total += p.periodic_disturbance_amplitude * math.sin(angle)

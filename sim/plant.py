@@ -166,5 +166,5 @@ def _have_compiled(record: npt.NDArray[np.void], state: npt.NDArray[np.void], t:
 
 def _clocked(record: Any) -> list[float]:
     """Parameters of what depends on time itself."""
-    groups = ("parameter_drift_", "periodic_disturbance_")
+    groups = ("parameter_drift_", "periodic_disturbance_", "load_bias_drift")
     return [float(record[name]) for name in record.dtype.names if name.startswith(groups)]

@@ -57,7 +57,8 @@ class Conditions:
     def load(self) -> float:
         """Pressure that the load asks for without friction [unit/s^2]."""
         deflection = self.position - self.p["load_spring_centre"]
-        return self.p["load_bias_acceleration"] + self.p["load_spring_stiffness"] * deflection
+        constant = self.p["load_bias_acceleration"] + self.p["load_bias_drift"] * self.since
+        return constant + self.p["load_spring_stiffness"] * deflection
 
     def friction(self, speed: float) -> tuple[float, float]:
         """Friction at |speed| [unit/s^2] and its slope there [1/s]."""

@@ -18,6 +18,7 @@ from seod.diagnose.fitting.initial_states import measured_places, simulated_stat
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.linear_gain import linear_gain
+from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
@@ -35,6 +36,7 @@ from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
 from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Searched, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
@@ -266,7 +268,7 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
     base, chosen = _measured(choice, start, unseen, way)
-    last_base = chosen.last if chosen.over_all is base.found else _last(base.found, start, way)
+    last_base = chosen.to_all if chosen.over_all is base.found else _last(base.found, start, way)
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
     return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
@@ -313,11 +315,14 @@ def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Ju
         over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
     over_all = fitted_in_one_run(over_all, start.held_out, way.parallel, way.budget.last_fit())
     last = _last(over_all, start, way)
+    drift = None
+    if choice.best.held.adequacy > HELD_OUT.adequate:
+        drift = drifting_load(last, start.held_out.series, way.parallel, way.budget.drift())
     if over_all is best and unseen.windows == start.held_out.windows:
-        return choice.base, Chosen(best, best, last, choice.without, choice.best.held)
+        return choice.base, Chosen(best, best, last, choice.without, choice.best.held, drift)
     every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
     base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
-    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held)
+    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held, drift)
 
 
 def _last(found: Fitted, start: _Start, way: _Way) -> Fitted:

@@ -34,7 +34,7 @@ EFFECTS_ON = {
     "asymmetric_gain": {"ratio": 0.2},
     "square_root_flow": {"supply": 2e3},
     "pressure_dependent_stiffness": {"air": 0.3},
-    "load_bias": {"acceleration": 300.0},
+    "load_bias": {"acceleration": 300.0, "drift": -400.0},
     "load_spring": {"stiffness": 2000.0, "centre": 0.1},
     "coulomb_friction": {"level": 400.0},
     "stribeck_friction": {"level": 300.0, "speed": 0.8},

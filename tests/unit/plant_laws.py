@@ -52,7 +52,8 @@ class Laws:
         of = self.of
         angle = of("periodic_disturbance", "omega") * (t - self.start) + of("periodic_disturbance", "phase")
         pushed = of("measured_disturbance", "gain") * self.force
-        return self.spring(y) - of("periodic_disturbance", "amplitude") * math.sin(angle) - pushed
+        grown = of("load_bias", "drift") * (t - self.start)
+        return self.spring(y) + grown - of("periodic_disturbance", "amplitude") * math.sin(angle) - pushed
 
     def drifted(self, t):
         def factor(name):

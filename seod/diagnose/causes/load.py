@@ -84,6 +84,7 @@ LOAD_BIAS: Final = Cause(
         null_for(lambda v: v["load_bias.acceleration"]),
     ),
     offset="acceleration",
+    drift="drift",
 )
 LOAD_SPRING: Final = Cause(
     name="load_spring",

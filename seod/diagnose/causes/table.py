@@ -45,6 +45,8 @@ GAPS: Final = frozenset(f"{name}.{one.gap}" for name, one in CAUSES.items() if o
 """Places of gaps in which the load may have been at rest anywhere."""
 OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUSES.items() if one.offset)
 """The cause that is a constant acceleration, and its parameter: Eq. 1 is linear in it."""
+OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
+"""By how much it grows with time: searched in runs of whole recordings alone, windows hardly show it."""
 MIRRORED: Final = frozenset(f"{name}.{of}" for name, one in CAUSES.items() for of in one.mirrored)
 """Places of parameters that turn their sign with that of the command."""
 

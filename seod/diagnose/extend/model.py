@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from seod.diagnose.causes.table import MIRRORED
+from seod.diagnose.causes.table import MIRRORED, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE
 from sim.effects import parameter
 from sim.parameters import nulls
 
@@ -43,6 +43,15 @@ class Model:
         return replace(
             self, K_L=-self.K_L, effects=self._scaled(lambda place: -1.0 if place in MIRRORED else 1.0)
         )
+
+    def steady(self, lasts: float) -> Model:
+        """The same under its mean load over so long [s]: a rig goes on for hours, a drift does not."""
+        load = dict(self.effects.get(OFFSET, {}))
+        grown = 0.5 * lasts * load.pop(OFFSET_DRIFT_PLACE.split(".")[1], 0.0)
+        if not grown:
+            return self
+        of = OFFSET_PLACE.split(".")[1]
+        return replace(self, effects=self.effects | {OFFSET: load | {of: load.get(of, 0.0) + grown}})
 
     def in_units_of(self, slope: float, per_volt: float) -> Model:
         """As a plant has it whose unit is `slope` of ours, and which gets `per_volt` volts for our one."""

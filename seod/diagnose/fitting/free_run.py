@@ -56,19 +56,30 @@ def fitted_in_one_run(
         ended: Tells when no further fit begins.
     """
     rest = all_but(held_out.series, held_out)
-    longest = max(float(recording.t[-1] - recording.t[0]) for recording in rest.series)
-    length = FREE_RUN.longer * max(recording.window_s for recording in rest.series)
     best = newest = fitted
-    while not ended():
-        cut = segments(Cut(rest.series, _whole_series(rest.series)), length)
-        start = begun_states(newest.model, newest.x, cut)
-        newest = fit(newest.model, cut, newest.x, start, parallel=parallel, ended=ended)
-        if _unseen(newest, held_out) < (1.0 - FREE_RUN.least_gain) * _unseen(best, held_out):
-            best = newest
-        if length >= longest:
+    for length in _lengths(rest.series):
+        if ended():
             break
-        length *= FREE_RUN.longer
+        cut = segments(Cut(rest.series, whole_series(rest.series)), length)
+        newest = fitted_over(newest, cut, parallel, ended)
+        if unseen(newest, held_out) < (1.0 - FREE_RUN.least_gain) * unseen(best, held_out):
+            best = newest
     return best
+
+
+def _lengths(every: Sequence[Series]) -> list[float]:
+    """Of windows, one after the other, up to whole recordings [s]."""
+    longest = max(float(one.t[-1] - one.t[0]) for one in every)
+    lengths = [FREE_RUN.longer * max(one.window_s for one in every)]
+    while lengths[-1] < longest:
+        lengths.append(FREE_RUN.longer * lengths[-1])
+    return lengths
+
+
+def fitted_over(fitted: Fitted, cut: Cut, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
+    """The same set fitted to other windows, from where it is."""
+    start = begun_states(fitted.model, fitted.x, cut)
+    return fit(fitted.model, cut, fitted.x, start, parallel=parallel, ended=ended)
 
 
 def fitted_to_all_rows(
@@ -85,18 +96,18 @@ def fitted_to_all_rows(
     own = fitted.cut
     longest = max(float(own.series[k].t[b - 1] - own.series[k].t[a]) for k, a, b in own.windows)
     if longest > FREE_RUN.in_windows * max(one.window_s for one in windows.series):
-        cut = segments(Cut(windows.series, _whole_series(windows.series)), longest)
+        cut = segments(Cut(windows.series, whole_series(windows.series)), longest)
     else:
         cut = fitted_windows(windows)
-    start = begun_states(fitted.model, fitted.x, cut)
-    return fit(fitted.model, cut, fitted.x, start, parallel=parallel, ended=ended)
+    return fitted_over(fitted, cut, parallel, ended)
 
 
-def _whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+def whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+    """Each recording as one window."""
     return tuple((k, 0, len(one.t)) for k, one in enumerate(series))
 
 
-def _unseen(fitted: Fitted, held_out: Cut) -> float:
+def unseen(fitted: Fitted, held_out: Cut) -> float:
     """Root mean square of the error in one run where no fit saw, over each series' deviation."""
     total = count = 0.0
     for k, one in enumerate(held_out.series):

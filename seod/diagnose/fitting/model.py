@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.causes.base import BASE, base
-from seod.diagnose.causes.table import CAUSES, bound_to, group
+from seod.diagnose.causes.record import signed
+from seod.diagnose.causes.table import CAUSES, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE, bound_to, group
 from seod.diagnose.tuning.fitting import SUBSTEPS
-from sim.effects import EFFECTS
+from sim.effects import EFFECTS, FAR
 from sim.parameters import parameters
 from sim.windows import START
 
@@ -104,6 +105,15 @@ class Model:
         coordinates = (*self.coordinates, *group(name, self.scales).coordinates)
         fixed = {of: values for of, values in self.fixed.items() if of != name}
         return replace(self, names=names, coordinates=coordinates, fixed=fixed)
+
+    def drifting(self) -> Model:
+        """The same beside a constant load that grows with time."""
+        if OFFSET_DRIFT_PLACE in (each.place for each in self.coordinates):
+            return self
+        beside = self if OFFSET in self.names else self.with_effect(OFFSET)
+        size = next(each.scale for each in beside.coordinates if each.place == OFFSET_PLACE)
+        drift = signed(OFFSET_DRIFT_PLACE, size / self.scales.span_s, FAR)
+        return replace(beside, coordinates=(*beside.coordinates, drift))
 
     def turned(self, K_L: float) -> Model:
         """The same for a plant whose gain has the sign of this one."""

@@ -110,7 +110,8 @@ def extended_rig(d: Diagnosis, recording: Recording, rig: Rig | None) -> str:
         ValueError, ConfigErrors: The model fits in neither.
     """
     e = d.extended
-    model = Model(e.K_L, e.omega_n, e.zeta, e.effects, d.noise_sd[0] if d.noise_sd else 0.0)
+    lasts = float(recording.t[-1] - recording.t[0])
+    model = Model(e.K_L, e.omega_n, e.zeta, e.effects, d.noise_sd[0] if d.noise_sd else 0.0).steady(lasts)
     if rig is not None and rig.config.simulation is not None:
         return into_config(rig.text, rig.config, rig.axis, model)
     speed = d.output == "velocity"

@@ -102,6 +102,10 @@ class Budget:
         """Tells when one fit of what was found has had its part; such fits follow the search."""
         return self._after(BUDGET.last_fit_part * self.seconds)
 
+    def drift(self) -> Callable[[], bool]:
+        """Tells when it is no longer asked whether a load drifts."""
+        return self._after(BUDGET.drift_part * self.seconds)
+
     def looking(self) -> Callable[[], bool]:
         """Tells when no further set is simulated where no fit has seen."""
         return self._after(BUDGET.looking_part * self.seconds)

@@ -35,6 +35,18 @@ FREE_RUN: Final = FreeRun()
 
 
 @dataclass(frozen=True, slots=True)
+class LoadDrift:
+    """A load that grows with time, in one run of each recording."""
+
+    least_gain: float = 0.2
+    """[-] Mean log squared error that it must save where it is fitted. Chosen: as an effect of whole
+    recordings."""
+
+
+LOAD_DRIFT: Final = LoadDrift()
+
+
+@dataclass(frozen=True, slots=True)
 class HeldOut:
     """Errors of windows held out."""
 

@@ -58,6 +58,9 @@ class Budget:
     Chosen."""
     last_fit_part: float = 0.12
     """[-] Likewise of a fit to all windows that follows the search. Chosen."""
+    drift_part: float = 1.0
+    """[-] Likewise of asking whether a load drifts. Measured: eight fits of one run of 25 s at 1 kHz take
+    half of it."""
     looking_part: float = 0.65
     """[-] Likewise of a look at many sets. Chosen."""
 

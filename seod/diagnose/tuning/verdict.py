@@ -14,6 +14,8 @@ class Answer:
     """[sd] Of the noise, beyond which a sample is an outlier, where there are any. Chosen."""
     most_outliers: float = 0.03
     """[-] Part of the samples that are. Chosen."""
+    mostly_constant: float = 0.5
+    """[-] Part of a run's squared error that is one offset, from which on that is said. Chosen."""
 
 
 ANSWER: Final = Answer()

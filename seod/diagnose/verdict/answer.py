@@ -10,6 +10,7 @@ import numpy as np
 
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
+from seod.diagnose.causes.table import OFFSET_DRIFT_PLACE
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.defects import Defect, Defects
+    from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Account, Array, Mask, NextExperiment, Output, Verdict, Window
     from seod.diagnose.search.beam import Grown
@@ -47,6 +49,15 @@ UNFITTED: Final = (
 SWEPT: Final = (
     "{name}: the command sweeps, its frequency or size goes one way with time. What depends on frequency or "
     "amplitude cannot be told from a drift then: a command that does not sweep tells"
+)
+DRIFTS: Final = (
+    "the constant load grows by {rate} unit/s^3 from the start of a recording, as of a drive that warms up: "
+    "one run leaves {with_it} % of thirds that no fit has seen, {without} % without the drift. Errors held "
+    "out are without it. Whether another recording drifts alike, --holdout tells"
+)
+OTHER_ZERO: Final = (
+    "held-out recording {k}: one run is off by {whole} % of y's deviation, mostly a constant of {offset} %: "
+    "there the zero of sensor or loop is another one. But for that {rest} % is left"
 )
 UNSURE: Final = (
     "windows held out show a little more than noise and would not, had they been fitted, too: the others "
@@ -123,6 +134,8 @@ def answered(
             *dict.fromkeys(remark for each in checked for remark in each.remarks),
             *rare,
             *_limited(searched.chosen.last),
+            *_drifts(searched.chosen),
+            *other_zeros(held_out.series, whole, seen),
             *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
@@ -187,6 +200,33 @@ def _limited(fitted: Fitted) -> list[str]:
         for place in at_limits(fitted)
         if place in values
     ]
+
+
+def _drifts(chosen: Chosen) -> list[str]:
+    if chosen.drift is None:
+        return []
+    rate = chosen.last.model.values(chosen.last.x)[OFFSET_DRIFT_PLACE]
+    without, with_it = (number(100.0 * each) for each in (chosen.drift.without, chosen.drift.with_it))
+    return [DRIFTS.format(rate=number(rate), without=without, with_it=with_it)]
+
+
+def other_zeros(series: Sequence[Series], simulated: Sequence[Array], seen: int) -> list[str]:
+    """What is said of recordings that no fit has seen, where one run of a speed is off by a constant.
+
+    Args:
+        series: The recordings; fits have seen the first `seen`.
+        simulated: One run of each.
+        seen: How many.
+    """
+    out = []
+    for k, (one, y) in enumerate(zip(series[seen:], simulated[seen:], strict=True), start=1):
+        error = (one.y - y)[one.good] / np.std(one.y[one.good])
+        offset, rest, whole = float(np.mean(error)), float(np.std(error)), float(np.sqrt(np.mean(error**2)))
+        if one.sees_speed and np.isfinite(whole) and offset**2 > ANSWER.mostly_constant * whole**2:
+            percents = {"whole": whole, "offset": abs(offset), "rest": rest}
+            numbers = {name: f"{100.0 * each:.2g}" for name, each in percents.items()}
+            out.append(OTHER_ZERO.format(k=k, **numbers))
+    return out
 
 
 def _swept(effect: FoundEffect, held: HeldOut) -> bool:

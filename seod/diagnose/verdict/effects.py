@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import further_causes
+from seod.diagnose.causes.table import OFFSET, further_causes
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import FoundEffect, Gain
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.load_drift import Drift
     from seod.diagnose.search.screen import Screen
 
 
@@ -31,16 +32,23 @@ class Chosen:
     Attributes:
         found: The set, fitted to the windows in which causes are searched.
         over_all: The same fitted to all rows but those held out: of a long recording these are more.
-        last: The same fitted to all rows: numbers and intervals that are told; no error held out is by it.
+        to_all: The same fitted to all rows; no error held out is by it.
         without: Of each effect the set without it, fitted anew.
         held: Its simulation of the windows held out.
+        drift: The same beside a load that drifts, where recordings show one.
     """
 
     found: Fitted
     over_all: Fitted
-    last: Fitted
+    to_all: Fitted
     without: Mapping[str, Judged]
     held: HeldOut
+    drift: Drift | None = None
+
+    @property
+    def last(self) -> Fitted:
+        """By which numbers and intervals are told."""
+        return self.to_all if self.drift is None else self.drift.fitted
 
 
 def found_effects(
@@ -69,6 +77,10 @@ def found_effects(
                 ),
             )
         )
+    if chosen.drift is not None and OFFSET not in chosen.without:
+        numbers = effect_parameters(chosen.last, OFFSET, spread)
+        gain = Gain(chosen.drift.without, chosen.drift.with_it)
+        out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
 
