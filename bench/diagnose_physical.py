@@ -9,7 +9,7 @@ sensor. A leakage is linear: it changes zeta, and nothing else may be named. The
 another operating point, pressure +-2 MPa and amplitude x 0.5 or x 2: the extended model must foretell it
 better than the baseline, where there is a name. Goals: 95 % of 200 for both.
 
-A null shift is a `null_shift`. While it is small, orifices are as good as straight and it is a `load_bias`.
+A null shift counts as `load_bias`.
 A single rod is like the shipped tail's: its valve leaks and is adjusted, its seals rub in proportion to
 speed, and it stays within an eighth of half its stroke. It extends faster than it retracts:
 `asymmetric_gain`, or a `static_valve_map`, whose even part is that ratio. A `load_bias` is not right: without
@@ -64,7 +64,7 @@ CAUSES = {
     "overlap": {"valve_deadband", "static_valve_map"},
     "air": {"pressure_dependent_stiffness"},
     "leakage": set(),
-    "null shift": {"null_shift", "load_bias"},
+    "null shift": {"load_bias"},
     "hysteresis": {"valve_hysteresis"},
     "single rod": {"asymmetric_gain", "static_valve_map"},
     "shaking": {"periodic_disturbance"},

@@ -51,6 +51,7 @@ class Effect:
         parameters: Its numbers; all at their null values switch it off.
         equivalent: What cannot be told from it, and under which conditions; "" if nothing is known.
         cause: Whether a diagnosis may name it; the others only make truths to be found.
+        counts_as: The cause by whose name a diagnosis answers it; "" by its own.
         parts: Whether each of its parameters is a size of its own; else the first is its size.
     """
 
@@ -60,6 +61,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     equivalent: str = ""
     cause: bool = True
+    counts_as: str = ""
     parts: bool = False
 
 
@@ -145,6 +147,7 @@ _ALL = (
         "The spool's centre is not at 0 V.",
         (Parameter("voltage", "V", 0.0, -10.0, 10.0, "at which the valve is closed"),),
         "load_bias of omega_n K_L voltage / (2 zeta): with straight flow and leakage damping the same.",
+        counts_as="load_bias",
     ),
     Effect(
         "valve_deadband",

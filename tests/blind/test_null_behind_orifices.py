@@ -27,15 +27,19 @@ def told_of(effects):
     return diagnose([recording], (), Options("velocity")).as_json()
 
 
-def test_behind_orifices_it_is_named_with_its_voltage():
+def test_behind_orifices_it_counts_as_a_load_bias_and_has_its_voltage():
     """The flow bends where the valve is closed: a load bias would leave a bend at 0 V."""
     supply = 3.0 * PLANT[0] * PLANT[1] * VOLTS
     told = told_of({"square_root_flow": {"supply": supply}, "null_shift": {"voltage": 0.4}})
     names = {each["name"]: each["parameters"] for each in told["effects"]}
-    assert names.keys() == {"square_root_flow", "null_shift"}, told
-    low, high = names["null_shift"]["voltage"]["ci95"]
+    assert names.keys() == {"square_root_flow", "load_bias"}, told
+    low, high = names["load_bias"]["voltage"]["ci95"]
     assert low < 0.4 < high
-    assert names["null_shift"]["voltage"]["value"] == pytest.approx(0.4, rel=0.02)
+    assert names["load_bias"]["voltage"]["value"] == pytest.approx(0.4, rel=0.02)
+    equal = 0.4 * PLANT[0] * PLANT[1] / (2.0 * PLANT[2])
+    low, high = names["load_bias"]["acceleration"]["ci95"]
+    assert low < names["load_bias"]["acceleration"]["value"] < high
+    assert names["load_bias"]["acceleration"]["value"] == pytest.approx(equal, rel=0.05)
     assert told["extended"]["holdout_nrmse"] < 1.1 * told["noise_floor_nrmse"]
 
 
@@ -43,7 +47,9 @@ def test_a_load_behind_orifices_is_no_null_shift():
     supply = 3.0 * PLANT[0] * PLANT[1] * VOLTS
     effects = {"square_root_flow": {"supply": supply}, "load_bias": {"acceleration": 0.15 * supply}}
     told = told_of(effects)
-    assert {each["name"] for each in told["effects"]} == effects.keys(), told
+    names = {each["name"]: each["parameters"] for each in told["effects"]}
+    assert names.keys() == effects.keys(), told
+    assert names["load_bias"].keys() == {"acceleration"}
 
 
 def test_of_a_straight_valve_it_is_a_load_bias():

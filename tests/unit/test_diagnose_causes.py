@@ -15,6 +15,7 @@ import seod.diagnose
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import CAUSES, further_causes, group, searched_causes, sentence
 from seod.diagnose.fitting.model import baseline_model, grouped
+from seod.diagnose.verdict.effects import answered_as
 from sim.effects import EFFECTS
 from sim.windows import START
 
@@ -89,6 +90,17 @@ def test_every_effect_of_the_plant_has_a_record():
     named = {name for name, each in EFFECTS.items() if each.cause and each.enters != "record"}
     grown = {"null_shift"}
     assert named - by_samples - grown == set(searched_causes(SIZES))
+
+
+def test_answers_have_the_names_of_the_contract():
+    assert {answered_as(name) for name, each in EFFECTS.items() if each.cause} == {
+        "transport_delay", "valve_lag", "valve_deadband", "valve_hysteresis", "valve_saturation",
+        "asymmetric_gain", "square_root_flow", "coulomb_friction", "stribeck_friction", "load_spring",
+        "load_bias", "backlash", "sensor_lag", "sensor_quantization", "periodic_disturbance",
+        "position_ripple", "parameter_drift", "pressure_dependent_stiffness", "load_resonance",
+        "valve_rate_limit", "static_valve_map", "sensor_nonlinearity", "held_readings",
+        "rectified_sensor", "measured_disturbance", "outliers", "missing_samples", "timing_jitter",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "sizes"), list(product(SEARCHED, CONDITIONS)))

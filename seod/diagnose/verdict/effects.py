@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import OFFSET, further_causes
+from seod.diagnose.causes.table import CAUSES, OFFSET, further_causes
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
 from seod.diagnose.record.sweep import sweeps
-from seod.diagnose.result import FoundEffect, Gain
+from seod.diagnose.result import FoundEffect, Gain, Parameter
 from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.prune import alike
 from seod.diagnose.search.race import extended
 from seod.diagnose.search.refine import refined
-from sim.effects import EFFECTS
+from sim.effects import EFFECTS, parameter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.load_drift import Drift
+    from seod.diagnose.result import Array
     from seod.diagnose.search.screen import Screen
 
 
@@ -61,27 +62,50 @@ def found_effects(
     for name, rest in chosen.without.items():
         if not EFFECTS[name].cause:
             continue
+        others = (
+            *_in_place_of(name, chosen.found, rest.found, screen, tried),
+            *_over_the_sweep(name, chosen.found, tried),
+        )
         out.append(
             FoundEffect(
-                name=name,
-                parameters=effect_parameters(chosen.last, name, spread),
+                name=answered_as(name),
+                parameters=_numbers(chosen.last, name, spread),
                 gain=Gain(rest.held.nrmse, chosen.held.nrmse),
                 p_value=p_value(rest.held, chosen.held, causes),
-                indistinguishable_from=tuple(
-                    dict.fromkeys(
-                        (
-                            *_in_place_of(name, chosen.found, rest.found, screen, tried),
-                            *_over_the_sweep(name, chosen.found, tried),
-                        )
-                    )
-                ),
+                indistinguishable_from=_besides(name, others),
             )
         )
-    if chosen.drift is not None and OFFSET not in chosen.without:
+    if chosen.drift is not None and OFFSET not in {each.name for each in out}:
         numbers = effect_parameters(chosen.last, OFFSET, spread)
         gain = Gain(chosen.drift.without, chosen.drift.with_it)
         out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
+
+
+def answered_as(name: str) -> str:
+    """The name by which the answer has an effect: its own, or that of the cause that it counts as."""
+    return EFFECTS[name].counts_as or name
+
+
+def _besides(name: str, others: Sequence[str]) -> tuple[str, ...]:
+    """Names that the answer lists beside this effect, each once."""
+    names = dict.fromkeys(answered_as(other) for other in others)
+    return tuple(other for other in names if other != answered_as(name))
+
+
+def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
+    """Parameters of an effect; of one that counts as another cause that one's before them, in proportion."""
+    own = effect_parameters(fitted, name, spread)
+    plain = CAUSES[name].plain
+    if not EFFECTS[name].counts_as or plain is None or plain.becomes is None:
+        return own
+    values = fitted.model.values(fitted.x)
+    ((place, value),) = plain.becomes(values).items()
+    (size,) = own.values()
+    factor = value / size.value
+    low, high = sorted(factor * end for end in size.ci95)
+    _, wanted = parameter(place)
+    return {wanted.name: Parameter(value, wanted.unit, (low, high)), **own}
 
 
 def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
