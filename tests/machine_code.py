@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 import seod
-from sim.cache import compile_plant
+from sim.cache import HYDRAULIC, REDUCED, are_compiled, compile_plant
 
 TESTS = Path(__file__).parent
+KERNELS = (*REDUCED, *HYDRAULIC, "runs.sampled_relay", "runs.follow", "windows.follow_windows")
 CYCLES = {"excitation": "multisine", "period": 0.5, "lines": 10}
 
 
@@ -26,6 +27,7 @@ def main() -> None:
     made = seod.simulate(rig, amplitude=0.2, duration=1.5, **CYCLES)
     seod.diagnose(made, effort="quick", between="0:1")
     _hidden()
+    assert are_compiled(*KERNELS)
 
 
 def _hidden() -> None:
