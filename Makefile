@@ -20,20 +20,42 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
+<<<<<<< HEAD
 .PHONY: run test lint format outputs docs notebook unit pythons compiled fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
+=======
+.PHONY: machine-code test-blind test-rest
+.PHONY: run test lint format outputs docs notebook unit pythons fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
+>>>>>>> wci
 
 run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
 
 # What uses one processor goes two at a time. By name, not by count of tests: those that take longest are not last.
 UNIT := $(BIN)/pytest tests/unit -n auto --dist loadfile --no-loadscope-reorder
+BLIND := $(BIN)/pytest tests/blind -n auto
 NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.ipynb
 
+# Blind tests compute, and tests of processes mostly wait: side by side they use all processors.
 test: $(READY)
+<<<<<<< HEAD
 	$(MAKE) --jobs=2 --output-sync=target lint docs compiled fuzz-briefly notebook
+=======
+	$(MAKE) --jobs=2 --output-sync=target lint machine-code docs fuzz-briefly notebook
+>>>>>>> wci
 	$(UNIT)
-	$(BIN)/pytest tests/blind -n auto
+	$(MAKE) --jobs=2 test-rest test-blind
+
+# It gives way to the daemons of the other tests, and shows what it prints when it has ended.
+test-blind: $(READY)
+	@mkdir -p build
+	nice -n 19 $(BLIND) >build/blind.txt 2>&1; code=$$?; cat build/blind.txt; exit $$code
+
+test-rest: $(READY)
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
+
+# The kernel, compiled once: test processes would each do that at the same moment.
+machine-code: $(READY)
+	$(BIN)/python -m tests.machine_code
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -88,7 +110,7 @@ dst: $(READY)
 	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1) --wire $(or $(WIRE),can)
 
 blind: $(READY)
-	$(BIN)/pytest tests/blind -n auto
+	$(BLIND)
 
 processes: $(READY)
 	$(BIN)/pytest -m processes

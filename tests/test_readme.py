@@ -62,6 +62,7 @@ def test_the_raw_client(port: int) -> None:
     assert '"axis":"motor"' in done.stdout
 
 
+@pytest.mark.timeout(600)  # it may have to compile the kernel first
 def test_the_simulated_recording(tmp_path: Path) -> None:
     (line,) = [
         line

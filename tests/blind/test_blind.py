@@ -8,7 +8,7 @@ from hidden_score import outcome, parameters, wilson
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
 
-pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]  # a busy machine; a quiet one needs some seconds
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(1200)]  # a busy machine; a quiet one needs some seconds
 
 SINGLE = [
     ("transport_delay", "steps", False),

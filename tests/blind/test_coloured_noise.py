@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
 
-pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(1200)]
 SECONDS = 12.0
 
 

@@ -9,7 +9,7 @@ import pytest
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
 
-pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(1200)]
 DATA = Path(__file__).parents[3] / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured records are not in {DATA}")
 

@@ -12,7 +12,7 @@ from hidden_rig import GIVEN, Drive, Rig, simulate
 from seod.data import Recording
 from seod.diagnose.pipeline import Options, diagnose
 
-pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(1200)]
 
 PLANT, T = (12.0, 60.0, 0.4), np.arange(0.0, 12.0, 1e-3)
 NOISE = 0.01

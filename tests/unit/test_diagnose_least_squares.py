@@ -35,6 +35,12 @@ def clean():
     return windows(linear(u), u)
 
 
+@pytest.fixture(scope="module")
+def begun(clean):
+    """Eq. 1 as the search finds it in the clean record, without any start."""
+    return baseline(clean[0], False, {})
+
+
 def deviations(found, cut_to):
     values = found.model.values(found.x)
     sd = base_sd(found, covariance(found))
@@ -42,8 +48,8 @@ def deviations(found, cut_to):
 
 
 @pytest.mark.slow
-def test_eq_1_is_found_without_any_start(clean):
-    found = baseline(clean[0], False, {}).best
+def test_eq_1_is_found_without_any_start(clean, begun):
+    found = begun.best
     off, sd = deviations(found, clean[0])
     assert max(abs(z) for z in off.values()) < 3.5
     assert sd["omega_n"] < 1e-3 * OMEGA_N
@@ -60,8 +66,8 @@ def test_the_same_of_a_speed_with_a_turned_sign():
 
 
 @pytest.mark.slow
-def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
-    found, tried = baseline(clean[0], False, {}).best, []
+def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, begun, monkeypatch):
+    found, tried = begun.best, []
     monkeypatch.setattr(LeastSquares, "stepped", lambda *_: tried.append(1))
     fit(found.model, clean[0], found.x, found.start, ended=lambda: bool(tried))
     assert len(tried) == 1
@@ -71,8 +77,8 @@ def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_curvature_that_rounding_made_negative_breaks_nothing_off(clean):
-    found = baseline(clean[0], False, {}).best
+def test_a_curvature_that_rounding_made_negative_breaks_nothing_off(begun):
+    found = begun.best
     assert base_sd(found, np.diag([-1e-30, 1e-6, 1e-6]))["K_L"] == 0.0
 
 
@@ -147,8 +153,8 @@ def test_nrmse_takes_the_mean_of_each_window_away():
 
 
 @pytest.mark.slow
-def test_sizes_are_those_of_the_movement(clean):
-    near, found, whole, _ = baseline(clean[0], False, {})
+def test_sizes_are_those_of_the_movement(clean, begun):
+    near, found, whole, _ = begun
     sizes = scales(near, clean[0])
     speed = linear(multisine(8000), speed=True)
     assert sizes.speed == pytest.approx(np.std(speed), rel=0.1)
