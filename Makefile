@@ -20,12 +20,8 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
-<<<<<<< HEAD
-.PHONY: run test lint format outputs docs notebook unit pythons compiled fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
-=======
 .PHONY: machine-code test-blind test-rest
-.PHONY: run test lint format outputs docs notebook unit pythons fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
->>>>>>> wci
+.PHONY: run test lint format outputs docs notebook unit pythons compiled fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
 	$(BIN)/seod run configs/virtual.yaml --start --watch $(if $(FOR),--for $(FOR))
@@ -37,11 +33,7 @@ NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.i
 
 # Blind tests compute, and tests of processes mostly wait: side by side they use all processors.
 test: $(READY)
-<<<<<<< HEAD
-	$(MAKE) --jobs=2 --output-sync=target lint docs compiled fuzz-briefly notebook
-=======
-	$(MAKE) --jobs=2 --output-sync=target lint machine-code docs fuzz-briefly notebook
->>>>>>> wci
+	$(MAKE) --jobs=2 --output-sync=target lint machine-code docs compiled fuzz-briefly notebook
 	$(UNIT)
 	$(MAKE) --jobs=2 test-rest test-blind
 
