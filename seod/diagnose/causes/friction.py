@@ -34,11 +34,11 @@ LITTLE_DRIVE: Final = 0.1
 STIFFEST_PART: Final = 0.999
 """Of the steepest fall that can be simulated, at most."""
 STIFFEST_LUGRE: Final = 2e3
-"""Of bristles: friction level over what they give way by, in swings; stiffer ones stick."""
+"""Of LuGre's bristles: friction level over what they give way by, in oscillations; stiffer ones stick."""
 STIFFEST_SIMULATED: Final = 1e9
 """Stiffness of bristles, at most [1/s^2]: the simulated plant's own limit."""
 SOFTEST_LUGRE: Final = 0.05
-"""Stiffness of bristles over pressure by swing, at least: softer ones are a spring; chosen."""
+"""Stiffness of bristles over pressure by oscillation, at least: softer ones are a spring; chosen."""
 LEAST_LUGRE_DAMPING, LARGEST_LUGRE_DAMPING = 1e-3, 1e3
 """Damping of bristles over omega_n, at least and at most; chosen."""
 MOST_LUGRE_DAMPING: Final = 4.0
@@ -47,10 +47,10 @@ LUGRE_DAMPING_START: Final = 0.5
 """The same where a search begins; chosen."""
 LUGRE_GIVES: Final = 0.04
 LUGRE_GIVE_START: Final = 0.1
-"""What LuGre's bristles give way by, over half the swing; a share of it by which they begin to settle."""
+"""What bristles give way by, over the amplitude; a share of it by which they begin to settle."""
 LUGRE_LEVEL, LUGRE_WAYS = 0.2, (0.03, 0.003)
 """Starts without plain friction to go by: its level over the pressure, and what bristles give way by, over
-the swing; chosen."""
+the amplitude; chosen."""
 GRID_LEVELS: Final = (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)
 """Friction in the relay's grid, over the pressure at which the load would stall: denser near it."""
 GRID_LEVELS_PAIRED: Final = (0.3, 0.6, 0.85)
@@ -62,7 +62,7 @@ STEEPEST_FALL: Final = 1.001 / STEEPEST_SIMULATED
 
 
 def lugre_values(level: float, half: float, share: float = 1.0) -> Values:
-    """That bear a friction, of a load that swings so far either way."""
+    """That bear a friction, of a load that moves so far either way."""
     stiff = min(level / (share * LUGRE_GIVES * half), STIFFEST * level)
     return {
         "lugre_friction.stiffness": stiff,

@@ -179,8 +179,8 @@ class Grid:
             have no shares.
         alone: Shares in the grid.
         paired: Shares beside another cause of the grid; none: it is tried alone.
-        begins: Its parameters from those of a plant with its plain form, and half of that plant's swing
-            without effects.
+        begins: Its parameters from those of a plant with its plain form, and that plant's amplitude without
+            effects.
         settles: Shares that are not in the grid: from its plain form's best plants the search goes on with
             this cause.
         ramps: Its parameters, from how long the valve takes from one command to the other [s] and how far

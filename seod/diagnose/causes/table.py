@@ -117,7 +117,7 @@ def grid_of(name: str) -> Grid:
 
 
 def settled_from(name: str, sizes: Values, half: float) -> Values:
-    """Parameters of a cause of `SETTLED`, of a plant with its plain form that swings so far either way."""
+    """Parameters of a cause of `SETTLED`, of a plant with its plain form that moves so far either way."""
     begins = grid_of(name).begins
     assert begins is not None  # noqa: S101 - asked of `SETTLED` alone
     return begins(sizes, half)

@@ -50,7 +50,7 @@ LEAST_SPOOL_DAMPING: Final = 0.3
 CRITICAL: Final = 1.0
 """Damping ratio with which a search begins: of two lags in a row, from which either way is open."""
 SLOW_LAG: Final = ({"*omega_n": 2.5, "*zeta": 0.2},)
-"""Factors where a baseline took a lag for its damping, so that the plant behind it does not swing; chosen."""
+"""Factors where a baseline took a lag for its damping, so that its plant does not oscillate; chosen."""
 LIGHTEST_SPOOL_TICKS: Final = 2.0
 """Natural frequency of such a spool times the sampling interval, at most: no samples show a quicker one."""
 RAMPS: Final = (0.3, 1.0, 3.0)
@@ -149,7 +149,7 @@ def _spool_omega(time: float, damping: float) -> float:
 
 
 def _damped(effects: Effects, _: Scales) -> None:
-    """A spool with inertia hardly swings."""
+    """A spool with inertia hardly oscillates."""
     spool = effects["spool_inertia"]
     spool["omega"] = max(spool["omega"], _spool_omega(effects["valve_lag"]["time"], LEAST_SPOOL_DAMPING))
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from seod.diagnose.extend.seen import Seen
 
 _TEMPLATE: Final = Path(__file__).parent / "rig_template.yaml"
-ASIDE: Final = 10
+FURTHER_PORTS: Final = 10
 """Added to the port of the user's own rig file: the daemon of the measured rig may be running."""
 _RATES: Final = (100.0, 10_000.0)
 """Of the loop [Hz]."""
@@ -53,7 +53,7 @@ def into_config(text: str, config: RigConfig, axis: str, model: Model) -> str:
     if view.plant.hydraulic is not None:  # the model is one of Eq. 1 with effects
         places |= {("simulation", "plants", plant, key): REMOVED for key in ("plant", "hydraulic")}
     if config.server.port:
-        places["server", "port"] = config.server.port + ASIDE
+        places["server", "port"] = config.server.port + FURTHER_PORTS
     return edited(text, places)
 
 
@@ -87,8 +87,8 @@ def new_rig_file(model: Model, excitation: Seen, speed: bool, source: str) -> st
 def _ranges(plant: Model, excitation: Seen, speed: bool, bias: float) -> dict[str, str]:
     """The axis' numbers: limits of a rig that cannot be hurt, wide around what was seen and is expected."""
     at_resonance = 1.3 * excitation.e_a * plant.K_L / (2.0 * plant.zeta)
-    swing = at_resonance / plant.omega_n + excitation.hysteresis
-    reach = 4.0 * max(swing, excitation.high - excitation.low)
+    amplitude = at_resonance / plant.omega_n + excitation.hysteresis
+    reach = 4.0 * max(amplitude, excitation.high - excitation.low)
     seen = max(abs(excitation.low), abs(excitation.high)) if speed else 0.0
     fastest = 4.0 * max(seen, at_resonance, plant.K_L * excitation.most_volts)
     reference = excitation.centre if speed else 0.0
@@ -105,7 +105,7 @@ def _ranges(plant: Model, excitation: Seen, speed: bool, bias: float) -> dict[st
         "high": fastest if speed else excitation.centre + 4.0 * reach,
         "amplitude": reach,
         "speed": fastest,
-        "movement": 0.01 * (fastest if speed else swing),
+        "movement": 0.01 * (fastest if speed else amplitude),
         "reference": reference,
         "position": excitation.centre,
     }

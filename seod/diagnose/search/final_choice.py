@@ -67,7 +67,7 @@ def _over_whole(
 ) -> tuple[Judged, list[Judged]]:
     """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there.
 
-    They grow from the plant of the windows: fitted to whole recordings alone it may swing of its own.
+    They grow from the plant of the windows: fitted to whole recordings alone it may oscillate of its own.
     """
     root = unchanged(replace(base.model, scales=grown.best[-1].model.scales), base.x, wide)
     plain, *sets = _refined([base, *_looked_at(grown)], wide, screen)

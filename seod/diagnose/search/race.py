@@ -95,7 +95,7 @@ def _entrants(screen: Screen, parent: Fitted, but: Sequence[str]) -> list[Entran
 def _reaches_far(screen: Screen, parent: Fitted, name: str) -> bool:
     """Whether a cause is tried from plants far from the parent's: of the baseline, unless the grid is.
 
-    A disturbance also of the others: it may be what their plant swings with.
+    A disturbance also of the others: it may be what their plant oscillates with.
     """
     if not bare(parent.model.names):
         return name == SHAKES and not screen.grid_plants

@@ -34,9 +34,9 @@ def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
 
 
 def _where_it_oscillates(parent: Fitted, size: float, cut: Cut) -> tuple[Values, ...]:
-    """A disturbance where the plant swings, which is then damped: the parent may have taken it for that.
+    """A disturbance where the plant oscillates, which is then damped: the parent may have taken it for that.
 
-    A second one at the largest line near it that this one leaves: where it swings may be a fit of both.
+    A second one at the largest line near it that this one leaves: where it oscillates may be a fit of both.
     """
     values = parent.model.values(parent.x)
     own = values["omega_n"]

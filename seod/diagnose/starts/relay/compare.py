@@ -188,7 +188,7 @@ class Segment:
         return simulate(record, self.cut, start)
 
     def _half(self, omega_n: float, zeta: float) -> float:
-        """Half of the limit cycle's swing without friction or backlash, before it is brought to size."""
+        """Amplitude of the limit cycle without friction or backlash, before it is brought to size."""
         omega, square = self.omega, omega_n * omega_n
         gain = square / omega / math.hypot(square - omega * omega, 2.0 * zeta * omega_n * omega)
         return 4.0 / math.pi * gain

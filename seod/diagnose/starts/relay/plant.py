@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class GridPlant(NamedTuple):
     """A plant: what it leaves of the recording, its parameters, a delay, and its effects' parameters.
 
-    `half` is half of its swing without the effects; `shares` are what `sizes` were in the grid.
+    `half` is the limit cycle's amplitude without the effects; `shares` are what `sizes` were in the grid.
     """
 
     cost: float
