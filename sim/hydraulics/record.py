@@ -11,7 +11,7 @@ from sim.effects import EFFECTS
 from sim.hydraulics.parts import INF, PARTS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     import numpy.typing as npt
 
@@ -120,10 +120,19 @@ def unfit(effects: Mapping[str, Mapping[str, float]]) -> str | None:
     """Which of these effects a physical plant does not take; None: it takes all."""
     known = {place.partition(".")[0] for place in PHYSICAL} | SENSOR.keys()
     others = [name for name in effects if name not in known]
+    others += [place for place, value in _places(effects) if place not in PHYSICAL and value != 0.0]
     if not others:
         return None
     own = "; its orifices are such already" if "square_root_flow" in others else ""
     return f"a hydraulic plant takes no {', '.join(others)}{own}; it takes {', '.join(sorted(known))}"
+
+
+def _places(effects: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, float]]:
+    """Parameters of effects at the plant itself that it takes, as `PHYSICAL` has them."""
+    names = {place.partition(".")[0] for place in PHYSICAL}
+    for name, parameters in effects.items():
+        if name in names:
+            yield from ((f"{name}.{of}", value) for of, value in parameters.items())
 
 
 def record_of(plant: PlantConfig) -> npt.NDArray[np.void]:
@@ -140,11 +149,11 @@ def record_of(plant: PlantConfig) -> npt.NDArray[np.void]:
     low, high = plant.stops or (-INF, INF)
     values |= {"stop_low": low, "stop_high": high, "measures_speed": float(plant.measures_speed)}
     for name, parameters in plant.effects.items():
-        for of, value in parameters.items():
-            if name in SENSOR:
-                values[f"{name}_{of}"] = value
-            else:
-                PHYSICAL[f"{name}.{of}"](values, value)
+        if name in SENSOR:
+            values |= {f"{name}_{of}": value for of, value in parameters.items()}
+    for place, value in _places(plant.effects):
+        if place in PHYSICAL:
+            PHYSICAL[place](values, value)
     values |= _derived(plant.hydraulic, values)
     return np.array([tuple(values[name] for name in SLOTS)], RECORD)
 

@@ -331,3 +331,11 @@ def test_the_page_lists_every_part():
     for part in PARTS:
         assert f"| {part.name} | {part.unit} | " in page, part.slot
         assert part.source in page
+
+
+def test_a_load_that_drifts_is_refused_and_none_is_taken():
+    """Its load stays as it is: a rig file of Eq. 1 may say how fast it grows, this one only by how much."""
+    still = {"load_bias": {"acceleration": 2.0, "drift": 0.0}}
+    assert record_of(plant(effects=still))["load_force"][0] == pytest.approx(2.0 * 1.92e-2)
+    with pytest.raises(ValueError, match=r"takes no load_bias\.drift"):
+        record_of(plant(effects={"load_bias": {"drift": 1.0}}))
