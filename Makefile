@@ -97,9 +97,9 @@ fuzz-briefly: $(READY)
 fuzz: $(READY)
 	SEOD_EXAMPLES=new $(BIN)/pytest tests/unit -n auto -m hypothesis
 
-# The whole daemon on simulated time, SEEDS runs with faults, on a bus or WIRE=serial; a seed that fails is shrunk and shown.
+# The whole daemon on simulated time, SEEDS runs with faults, on a bus or WIRE=serial, by JOBS processes; a seed that fails is shrunk and shown.
 dst: $(READY)
-	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1) --wire $(or $(WIRE),can)
+	$(BIN)/python -m tests.dst --seeds $(or $(SEEDS),100) --first $(or $(FIRST),1) --wire $(or $(WIRE),can) --jobs $(or $(JOBS),1)
 
 blind: $(READY)
 	$(BLIND)

@@ -86,7 +86,7 @@ class Connection(asyncio.BufferedProtocol):
         """Bytes that came before the last e-stop."""
         self._waiting: dict[str, deque[Call]] = {"command": deque(), "read": deque()}
         self._under_way = dict.fromkeys(UNDER_WAY, 0)
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: dict[asyncio.Task[None], None] = {}  # in the order in which they began
         self._out: list[bytes] = []
         self._out_bytes = 0
         self._paused = False
@@ -301,7 +301,7 @@ class Connection(asyncio.BufferedProtocol):
     def _spawn(self, work: Coroutine[Any, Any, None], right: str) -> asyncio.Task[None]:
         self._under_way[right] += 1
         task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
+        self._tasks[task] = None
         task.add_done_callback(lambda task: self._done(task, right))
         return task
 
@@ -330,7 +330,7 @@ class Connection(asyncio.BufferedProtocol):
             self.close()
 
     def _done(self, task: asyncio.Task[None], right: str) -> None:
-        self._tasks.discard(task)
+        self._tasks.pop(task, None)
         self._under_way[right] -= 1
         self._go_on()
 

@@ -50,7 +50,7 @@ class Server:
         self.hub = hub
         self.turns = Turns()
         self._base = base
-        self._connections: set[Connection] = set()
+        self._connections: dict[Connection, None] = {}  # in the order in which they came
         self._lobby = Lobby(config.max_clients)
         if service is not None:
             service.overtake = self.overtake
@@ -97,13 +97,13 @@ class Server:
         """Take one more connection; or the reason why not. Who may do nothing yet waits in the lobby."""
         if self._ending:
             return RpcError(NO_ANSWER, "the daemon is ending")
-        self._connections.add(connection)
+        self._connections[connection] = None
         self._lobby.enter(connection)
         return None
 
     def forget(self, connection: Connection) -> None:
         """A connection has ended."""
-        self._connections.discard(connection)
+        self._connections.pop(connection, None)
         self._lobby.leave(connection)
         self.hub.drop(connection)
         self.service.gone(connection.session, connection.name)

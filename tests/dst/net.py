@@ -95,9 +95,14 @@ class Nudge:
             self.world.wake(task)
 
 
+def _in_order(loop: SimLoop) -> list[asyncio.Task[Any]]:
+    """What is not done yet, as it began: a set of them is in the order of their addresses."""
+    return sorted(asyncio.all_tasks(loop), key=lambda task: (len(task.get_name()), task.get_name()))
+
+
 def _cancel_all(loop: SimLoop) -> None:
     """What is not done yet is cancelled and waited for, as `asyncio.run` does."""
-    tasks = asyncio.all_tasks(loop)
+    tasks = _in_order(loop)
     for task in tasks:
         task.cancel()
     if tasks:
@@ -114,7 +119,7 @@ def runner(world: World, network: Network) -> Callable[[Coroutine[Any, Any, Any]
         finally:
             if loop.process.alive:
                 _cancel_all(loop)
-            for task in asyncio.all_tasks(loop):  # here and now: later their ends would meet another world
+            for task in _in_order(loop):  # here and now: later their ends would meet another world
                 with contextlib.suppress(Dead, RuntimeError):
                     task.get_coro().close()  # type: ignore[union-attr]
             loop.close()

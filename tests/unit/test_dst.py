@@ -24,7 +24,7 @@ from tests.dst.clients import Operator
 from tests.dst.exchange import System
 from tests.dst.faults import Fault
 from tests.dst.line import Stream, frame, stuffed, unstuffed
-from tests.dst.run import rig_config, run
+from tests.dst.run import faults_of, rig_config, run
 from tests.dst.shrink import shrunk
 from tests.dst.world import World
 
@@ -66,6 +66,16 @@ def test_a_seed_is_the_same_run_in_each_process() -> None:
     )
     assert there.stdout.split() == [here.digest]
     assert run(8, 3.0).digest != here.digest
+
+
+def test_a_seed_is_the_same_run_wherever_its_objects_lie() -> None:
+    """Found by seed 200011: a gateway ended its requests in the order of their addresses."""
+    faults = [fault for fault in faults_of(200011, 60.0, "can") if fault.t < 12.7]
+    kept, digests = [], set()
+    for k in range(6):
+        kept.append([object() for _ in range(1000 * k)])
+        digests.add(run(200011, 12.0, faults).digest)
+    assert len(digests) == 1
 
 
 def _beyond_limits(monkeypatch: pytest.MonkeyPatch) -> None:
