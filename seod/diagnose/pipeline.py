@@ -313,7 +313,8 @@ def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Ju
     over_all = best
     if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
         over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
-    over_all = fitted_in_one_run(over_all, start.held_out, way.parallel, way.budget.last_fit())
+    most = choice.base.held.rms
+    over_all = fitted_in_one_run(over_all, start.held_out, most, way.parallel, way.budget.last_fit())
     last = _last(over_all, start, way)
     drift = None
     if choice.best.held.adequacy > HELD_OUT.adequate:

@@ -37,7 +37,7 @@ def found(model, x, windows):
 def test_a_gain_that_windows_left_wrong_by_three_hundredths_is_put_right_by_the_whole_run(rig):
     one, model, x, to_fit, held_out = rig
     begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
-    better = fitted_in_one_run(begun, held_out, map, lambda: False)
+    better = fitted_in_one_run(begun, held_out, np.inf, map, lambda: False)
     assert model.values(better.x)["K_L"] == pytest.approx(K_L, rel=5e-4)
     before, after = (free_runs(model, each.x, [one], 1)[0] for each in (begun, better))
     assert after.from_fitted < 1.1 * one.noise < 3.0 * one.noise < before.from_fitted
@@ -47,8 +47,14 @@ def test_a_gain_that_windows_left_wrong_by_three_hundredths_is_put_right_by_the_
 def test_numbers_that_are_right_stay_those_of_the_windows(rig):
     _, model, x, to_fit, held_out = rig
     begun = found(model, x, to_fit)
-    assert fitted_in_one_run(begun, held_out, map, lambda: False) is begun
-    assert fitted_in_one_run(begun, held_out, map, lambda: True) is begun
+    assert fitted_in_one_run(begun, held_out, np.inf, map, lambda: False) is begun
+    assert fitted_in_one_run(begun, held_out, np.inf, map, lambda: True) is begun
+
+
+def test_numbers_that_leave_more_of_windows_than_eq_1_are_not_taken(rig):
+    _, model, x, to_fit, held_out = rig
+    begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
+    assert fitted_in_one_run(begun, held_out, 0.0, map, lambda: False) is begun
 
 
 def test_errors_of_whole_runs_are_in_the_unit_of_y_and_tell_which_start(rig):
@@ -88,7 +94,7 @@ def test_the_last_fit_sees_the_rows_that_were_held_out_and_its_intervals_are_nar
 def test_the_last_fit_is_of_runs_as_long_as_those_by_which_rows_held_out_were_foretold(rig):
     _, model, x, to_fit, held_out = rig
     begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
-    better = fitted_in_one_run(begun, held_out, map, lambda: False)
+    better = fitted_in_one_run(begun, held_out, np.inf, map, lambda: False)
     every = Cut(held_out.series, tuple(sorted((*to_fit.windows, *held_out.windows))))
     last = fitted_to_all_rows(better, every, map, lambda: False)
     longest = [max(b - a for _, a, b in each.cut.windows) for each in (better, last)]

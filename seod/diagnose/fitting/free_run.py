@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.held_out import whole
+from seod.diagnose.fitting.held_out import simulate_held_out, whole
 from seod.diagnose.fitting.initial_states import begun_states, measured_places
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
@@ -45,13 +45,14 @@ def _rms(recording: Series, simulated: Array) -> float:
 
 
 def fitted_in_one_run(
-    fitted: Fitted, held_out: Cut, parallel: ParallelMap, ended: Callable[[], bool]
+    fitted: Fitted, held_out: Cut, most: float, parallel: ParallelMap, ended: Callable[[], bool]
 ) -> Fitted:
     """The same set with numbers for the whole recordings, if they foretell more in one run; else as it is.
 
     Args:
         fitted: Fitted to windows.
         held_out: Windows whose rows no fit sees; their series are the recordings.
+        most: Root mean square that they may leave of these windows: what Eq. 1 leaves [unit, or unit/s].
         parallel: As `map`.
         ended: Tells when no further fit begins.
     """
@@ -62,7 +63,9 @@ def fitted_in_one_run(
             break
         cut = segments(Cut(rest.series, whole_series(rest.series)), length)
         newest = fitted_over(newest, cut, parallel, ended)
-        if unseen(newest, held_out) < (1.0 - FREE_RUN.least_gain) * unseen(best, held_out):
+        if unseen(newest, held_out) >= (1.0 - FREE_RUN.least_gain) * unseen(best, held_out):
+            continue
+        if simulate_held_out(newest.model, newest.x, held_out).rms <= most:
             best = newest
     return best
 
