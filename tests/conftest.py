@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 GRACE_S = 0.3
 """What ends by itself within this time is not a leak (a thread between its last line and its end)."""
 
+LOOKS = 20
+"""At a process without environment, a millisecond apart: one that is given none by its parent stays without."""
+
 MARK = "SEOD_TEST_PROCESS"
 """Environment variable inherited by all that a test starts: finds processes that lost their parent."""
 
@@ -76,12 +79,26 @@ def marked_processes() -> Found:
         if not entry.name.isdigit() or entry.name == str(os.getpid()):
             continue
         try:
-            environment = (entry / "environ").read_bytes()
+            environment = _environment(entry)
         except OSError:  # ended meanwhile, or someone else's
             continue
         if wanted in environment.split(b"\0"):
             found[f"process {entry.name} ({_command(entry.name)})"] += 1
     return found
+
+
+def _environment(entry: Path) -> bytes:
+    """Of a process; while it becomes another program there is none for a moment.
+
+    Raises:
+        OSError: It has ended, or is the kernel's own.
+    """
+    for _ in range(LOOKS):
+        environment = (entry / "environ").read_bytes()
+        if environment or not (entry / "exe").readlink():
+            break
+        time.sleep(0.001)
+    return environment
 
 
 def running_threads() -> Found:
