@@ -31,7 +31,7 @@ GRACE_S = 0.3
 """What ends by itself within this time is not a leak (a thread between its last line and its end)."""
 
 LOOKS = 20
-"""At a process without environment, a millisecond apart: one that is given none by its parent stays without."""
+"""At a process without environment, a millisecond apart: one that was given none stays without."""
 
 MARK = "SEOD_TEST_PROCESS"
 """Environment variable inherited by all that a test starts: finds processes that lost their parent."""
