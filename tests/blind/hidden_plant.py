@@ -38,6 +38,7 @@ DEFAULTS = {
     "unequal": 0.0,
     "air": 0.0,
     "weight": 0.0,  # constant torque [N m]
+    "heavier": 0.0,  # by which it grows with time [N m/s]
     "spring": 0.0,  # [N m/rad]
     "centre": 0.0,
     "coulomb": 0.0,  # [N m]
@@ -123,7 +124,11 @@ def load_torque(p, t, w, gust):
     shaft = p.shaft * (w[ANGLE] - w[ANGLE2]) + p.shaft_damping * (w[SPEED] - w[SPEED2])
     y = w[ANGLE]
     torque = (
-        p.weight + p.spring * (y - p.centre) + p.hardening * y * y * y + p.drag * w[SPEED] * abs(w[SPEED])
+        p.weight
+        + p.heavier * t
+        + p.spring * (y - p.centre)
+        + p.hardening * y * y * y
+        + p.drag * w[SPEED] * abs(w[SPEED])
     )
     return torque - p.ripple * math.sin(p.ripple_omega * t + p.ripple_phase) - p.gusts * gust + shaft
 

@@ -53,7 +53,7 @@ VALVE = {
 """Same number in both worlds."""
 
 TORQUES = {
-    "load_bias": {"acceleration": "weight"},
+    "load_bias": {"acceleration": "weight", "drift": "heavier"},
     "load_spring": {"stiffness": "spring"},
     "coulomb_friction": {"level": "coulomb"},
     "stribeck_friction": {"level": "stribeck"},
