@@ -406,8 +406,6 @@ assert seod.identify(made, config=rig).to_html()
 assert seod.response(sweep).plot() is not None
 from typer.testing import CliRunner
 from seod.cli import app
-from seod.diagnose.search.budget import EFFORTS
-EFFORTS["quick"] = 0.02  # what is found does not matter here
 sweep.save("sweep.csv")
 simulated = ["simulate", str(rig.path), "--out", "b.csv", "--duration", "0.2"]
 responded = ["response", "sweep.csv", "--period", "0.5", "--plot", "bode.png"]
