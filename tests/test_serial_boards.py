@@ -71,25 +71,28 @@ def daemon(rig_file: Path) -> Iterator[Daemon]:
         made.close()
 
 
-def estimates(rpc: Rpc, count: int) -> list[dict[str, Any]]:
-    """So many, of any quality."""
-    return [
-        rpc.wait_for("an estimate", lambda m: m.get("method") == "estimate")["params"] for _ in range(count)
-    ]
+def estimates(rpc: Rpc, noisy: int) -> list[dict[str, Any]]:
+    """Until so many of them are noisy."""
+    told: list[dict[str, Any]] = []
+    while sum(each["quality"] == "noisy" for each in told) < noisy:
+        told.append(rpc.wait_for("an estimate", lambda m: m.get("method") == "estimate")["params"])
+    return told
 
 
 def test_a_clock_that_jitters_is_told_and_its_answers_are_called_noisy(tmp_path: Path) -> None:
     rig_file = text_rig_file(tmp_path)
-    with board(rig_file, "--jitter", "1.5e-3"), daemon(rig_file) as run:
+    with board(rig_file, "--jitter", "2.5e-3"), daemon(rig_file) as run:
         line = run.rpc.event(event="warning", code="line")
-        assert "the board's times jitter by 1" in line["why"]
+        assert "the board's times jitter by 2" in line["why"]
         run.rpc.call("start")
-        told = estimates(run.rpc, 60)[20:]
+        told = estimates(run.rpc, 40)
         health = run.rpc.call("status")["health"]
-    assert health["stamp_common_sd_s"] == pytest.approx(1.5e-3, rel=0.5)
-    assert {each["quality"] for each in told} == {"noisy"}
-    assert "times of samples scatter by" in told[-1]["advice"]
-    assert median(each["omega_n"] for each in told) == pytest.approx(OMEGA_N, rel=0.2)
+    assert health["stamp_common_sd_s"] == pytest.approx(2.5e-3, rel=0.5)
+    noisy = [each for each in told if each["quality"] == "noisy"]
+    # Where a busy machine was late with a tick, a window begins anew.
+    assert {each["quality"] for each in told} <= {"noisy", "settling", "stale", "no_oscillation"}
+    assert all("times of samples scatter by" in each["advice"] for each in noisy[-20:])
+    assert median(each["omega_n"] for each in noisy) == pytest.approx(OMEGA_N, rel=0.2)
 
 
 def test_a_board_whose_clock_begins_anew_is_gone_on_with(tmp_path: Path) -> None:
