@@ -130,8 +130,8 @@ def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> f
         return gain * opened
     supply = max(s.supply, VACUUM)
     drop = 1.0 - math.copysign(pressure, opened * pressure) / (most * supply)
-    orifice = drop * ((1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR)) ** 0.25
-    return gain * opened * math.sqrt(supply) * orifice
+    square = (1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR)
+    return gain * opened * drop * math.sqrt(supply * math.sqrt(square))
 
 
 @compiled

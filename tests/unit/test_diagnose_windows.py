@@ -17,6 +17,7 @@ from seod.diagnose.record.series import dominant_hz, series
 from seod.diagnose.record.windows import (
     Cut,
     all_but,
+    beginnings,
     cut,
     fitted_windows,
     hardly_settle,
@@ -199,3 +200,13 @@ def test_recordings_of_few_rows_are_fitted_as_a_whole_without_the_rows_held_out(
     assert not any(whole.series[0].good[a:b].any() for _, a, b in held_out.windows)
     assert not hardly_settle(cut([one])[0])
     assert fitted_windows(cut([one])[0]).windows == segments(cut([one])[0]).windows
+
+
+def test_of_many_rows_the_first_part_of_each_window_is_taken(one):
+    fitted, _ = cut([one])
+    rows = int(fitted.sizes.sum()) // 3
+    short = beginnings(fitted, rows)
+    assert 0 <= short.sizes.sum() - rows <= len(fitted.windows)
+    assert [(k, a) for k, a, _ in short.windows] == [(k, a) for k, a, _ in fitted.windows]
+    assert np.ptp(short.sizes / fitted.sizes) < 0.01
+    assert beginnings(fitted, int(fitted.sizes.sum())) is fitted

@@ -263,6 +263,14 @@ def sample(whole: Cut, seconds: float) -> Cut:
     return whole.only(np.unique(np.linspace(0, len(whole.windows) - 1, count).round().astype(int)).tolist())
 
 
+def beginnings(whole: Cut, rows: int) -> Cut:
+    """The same windows, of each the first part, where all have more than so many rows."""
+    part = rows / int(whole.sizes.sum())
+    if part >= 1.0:
+        return whole
+    return Cut(whole.series, tuple((k, a, a + math.ceil(part * (b - a))) for k, a, b in whole.windows))
+
+
 def sparse(whole: Cut) -> Cut:
     """Of a relay's recordings, whose commands hold for long, no more samples than trials need.
 

@@ -107,7 +107,7 @@ class Budget:
         return self._after(BUDGET.drift_part * self.seconds)
 
     def looking(self) -> Callable[[], bool]:
-        """Tells when no further set is simulated where no fit has seen."""
+        """Tells when no further set is fitted to whole recordings, or looked at where no fit has seen."""
         return self._after(BUDGET.looking_part * self.seconds)
 
     def _after(self, seconds: float) -> Callable[[], bool]:

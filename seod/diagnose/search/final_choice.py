@@ -19,7 +19,7 @@ from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import FINAL_CHOICE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
@@ -48,10 +48,11 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     if best.held.adequacy > HELD_OUT.adequate:
         best = best_alike(best, held_out, screen)
     if best.held.adequacy > HELD_OUT.adequate:
-        plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen)
+        over = screen.budget.looking()
+        plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen, over)
         best, base = _least((best, *sets), screen), _least((base, plain), screen)
         if hardly_settle(held_out):
-            best = _climbed(best, held_out, screen)
+            best = _climbed(best, held_out, screen, over)
         least = FINAL_CHOICE.misfit_gain
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
@@ -63,27 +64,28 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
 
 
 def _over_whole(
-    base: Fitted, grown: Grown, wide: Cut, held_out: Cut, screen: Screen
+    base: Fitted, grown: Grown, wide: Cut, held_out: Cut, screen: Screen, over: Callable[[], bool]
 ) -> tuple[Judged, list[Judged]]:
     """Baseline, and sets, fitted to whole recordings: those that were found, and what grows from there.
 
     They grow from the plant of the windows: fitted to whole recordings alone it may oscillate of its own.
     """
     root = unchanged(replace(base.model, scales=grown.best[-1].model.scales), base.x, wide)
-    plain, *sets = _refined([base, *_looked_at(grown)], wide, screen)
-    over = screen.budget.looking()
+    first, *others = _looked_at(grown)
+    plain, *sets = _refined([base, *first], wide, screen)
+    for more in others:
+        sets += [] if over() else _refined(more, wide, screen)
     for parent in (root, *sorted(sets, key=lambda one: one.cost)[:1]):
         sets += widened(parent, screen, over)[1:]
     plainly, *judged = screen.parallel(lambda one: Judged.of(one, held_out), (plain, *sets))
     return plainly, judged
 
 
-def _climbed(best: Judged, held_out: Cut, screen: Screen) -> Judged:
+def _climbed(best: Judged, held_out: Cut, screen: Screen, over: Callable[[], bool]) -> Judged:
     """With whichever effect more errs least where no fit has seen, as long as that is much less.
 
     Of few rows flexible effects take up most of what is left, and foretell little of the others.
     """
-    over = screen.budget.looking()
     while True:
         some = one_more(best.found, screen, over, FINAL_CHOICE.climbed_causes)
         judged = list(screen.parallel(lambda one: Judged.of(one, held_out), some))
@@ -97,13 +99,14 @@ def _refined(some: Sequence[Fitted], cut: Cut, screen: Screen) -> list[Fitted]:
     return screen.side_by_side(lambda one, within: refined(one, cut, within), some)
 
 
-def _looked_at(grown: Grown) -> list[Fitted]:
-    """The better sets of each size; the best of every size first."""
-    some: list[tuple[int, Fitted]] = []
+def _looked_at(grown: Grown) -> list[list[Fitted]]:
+    """The best set of every size, then the next best of each."""
+    ranks: list[list[Fitted]] = [[] for _ in range(FINAL_CHOICE.of_size)]
     for size in {len(one.model.names) for one in grown.tried.values()}:
         own = [one for one in grown.tried.values() if len(one.model.names) == size]
-        some += enumerate(sorted(own, key=lambda one: one.cost)[: FINAL_CHOICE.of_size])
-    return [one for _, one in sorted(some, key=lambda pair: pair[0])]
+        for rank, one in zip(ranks, sorted(own, key=lambda one: one.cost), strict=False):
+            rank.append(one)
+    return ranks
 
 
 def worse(judged: Judged, base: Judged) -> bool:

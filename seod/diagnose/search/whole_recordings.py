@@ -43,7 +43,7 @@ def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
             for one in _fitted(best, parent, screen, over)
             if one.cost < parent.cost - WHOLE_RECORDINGS.least_saving
         )
-        found = next((one for one in saving if shown(parent, one, screen)), None)
+        found = next((one for one in saving if not over() and shown(parent, one, screen)), None)
         if found is None:
             break
         grown.append(found)

@@ -17,7 +17,7 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import dominant_hz
-from seod.diagnose.record.windows import Cut, sample, segments, undivided
+from seod.diagnose.record.windows import Cut, beginnings, sample, segments, undivided
 from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ def baseline(
     if cut.relayed:
         return BaselineFits(best, near, _swung(cut, sees_speed, fixed))
     wide = undivided(cut)
-    of_whole = _plain(_grid(wide, sees_speed, fixed, parallel)[0], wide)
+    start = _grid(beginnings(wide, BASELINE.whole_rows), sees_speed, fixed, parallel)[0]
+    of_whole = _plain(start, wide)
     return BaselineFits(best, near, unchanged(of_whole.model, of_whole.x, cut))
 
 

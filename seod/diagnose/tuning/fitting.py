@@ -174,14 +174,15 @@ WINDOW_HALVES: Final = WindowHalves()
 class Work:
     """What simulating costs, in time of a usual machine."""
 
-    step_ns: int = 40
-    """[ns] A Runge-Kutta step of the kernel. Measured: this and the two below are least squares of
-    processor times of four diagnoses of 60 s at 2 kHz and one of 10 s, which they give to 5 %
-    (`bench/diagnose.py`)."""
-    row_ns: int = 55
-    """[ns] A row's residual, and its part of derivatives and normal equations. Measured: as `step_ns`."""
+    step_ns: int = 65
+    """[ns] A Runge-Kutta step of the kernel. Measured: 62 in eight diagnoses on an idle machine. One with
+    the square root of an orifice or with a spool takes twice that."""
+    row_ns: int = 35
+    """[ns] A row's residual, and its part of derivatives and normal equations. Measured: as `step_ns`,
+    33."""
     simulation_ns: int = 100_000
-    """[ns] A simulation's beginning and end, and Python around it. Measured: as `step_ns`."""
+    """[ns] A simulation's beginning and end, and Python around it. Measured: least squares of processor times
+    of four diagnoses of 60 s at 2 kHz and one of 10 s, which it gives with the two above to 20 %."""
 
 
 WORK: Final = Work()
