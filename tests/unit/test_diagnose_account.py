@@ -204,6 +204,8 @@ def account(systematic, remains=0.2, nrmse=0.1, detectable=0.01):
         (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "partly"),
         (0.4, 0.04, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "partly"),
         (0.4, 0.02, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "good_for_design"),
+        (0.4, 0.4, 9.0, account(0.0, nrmse=0.0), 0.5, "down_to_noise"),
+        (0.2, 0.4, 9.0, account(0.0, nrmse=0.0), 0.5, "useless"),
         (0.4, 0.2, 1.1, account(0.0, nrmse=0.0), 0.1, "down_to_noise"),
         (0.4, 0.2, 1.1, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "down_to_noise"),
         (0.4, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),

@@ -28,7 +28,7 @@ def graded(
     rest = _systematic(after, account)
     beaten = other is not None and other.best < GRADE.as_good * after
     nothing_shown = account is not None and account.systematic_nrmse == 0.0 and told_apart(account, after)
-    if adequacy < HELD_OUT.adequate or (nothing_shown and not beaten):
+    if adequacy < HELD_OUT.adequate or (nothing_shown and not beaten and after <= before):
         return "down_to_noise"
     if after <= GRADE.design_error and rest <= GRADE.design_systematic:
         return "good_for_design"

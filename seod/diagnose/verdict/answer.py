@@ -19,6 +19,7 @@ from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
 from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.search import PRUNE
 from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
@@ -58,6 +59,10 @@ DRIFTS: Final = (
 OTHER_ZERO: Final = (
     "held-out recording {k}: one run is off by {whole} % of y's deviation, mostly a constant of {offset} %: "
     "there the zero of sensor or loop is another one. But for that {rest} % is left"
+)
+STAYS_BEHIND: Final = (
+    "{name} is in the extended model, but not named: with the --holdout recordings {without} % is left "
+    "without it and {with_it} % with it. It is of the recordings that were fitted, not of the rig"
 )
 UNSURE: Final = (
     "windows held out show a little more than noise and would not, had they been fitted, too: the others "
@@ -108,6 +113,8 @@ def answered(
     base, best = Judged.of(searched.base, to_fit).held, searched.seen
     rest, rare = _remainder(searched, base)
     held = searched.chosen.held
+    others = len(held_out.series) > seen
+    named, behind = carried_over(searched.effects, searched.held) if others else (searched.effects, ())
     account, yardstick = accounted(searched.chosen.over_all, best, held, searched.held)
     if not rare and held.adequacy >= HELD_OUT.adequate:
         rest = systematic_part(rest, account, held.nrmse, relevance)
@@ -115,7 +122,7 @@ def answered(
     for shown in _by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
-    every = (*searched.effects, *defects)
+    every = (*named, *defects)
     return Diagnosis(
         verdict=_verdict(every, rest),
         baseline=baseline,
@@ -123,7 +130,7 @@ def answered(
         extended=extended,
         noise_floor_nrmse=_floor(searched.held, account, rest),
         unexplained=rest,
-        next_experiment=_experiment(searched, held_out),
+        next_experiment=_experiment(searched, named, held_out),
         output=output,
         noise_sd=tuple(recording.noise for recording in held_out.series),
         adequacy=searched.chosen.held.adequacy,
@@ -136,13 +143,35 @@ def answered(
             *_limited(searched.chosen.last),
             *_drifts(searched.chosen),
             *other_zeros(held_out.series, whole, seen),
-            *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
+            *behind,
+            *(SWEPT.format(name=each.name) for each in named if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
         account=account,
         yardstick=yardstick,
         relevance=relevance,
     )
+
+
+def carried_over(
+    effects: Sequence[FoundEffect], plain: HeldOut
+) -> tuple[tuple[FoundEffect, ...], tuple[str, ...]]:
+    """Effects that save something of recordings that no fit has seen, and what is said of the others.
+
+    Args:
+        effects: What was found.
+        plain: The baseline where no fit has seen.
+    """
+    least = PRUNE.least_share * max(0.0, plain.nrmse**2 - plain.floor**2)
+    named, behind = list[FoundEffect](), list[str]()
+    for each in effects:
+        without, with_it = each.gain.nrmse_without, each.gain.nrmse_with
+        if without**2 - with_it**2 >= least:
+            named.append(each)
+            continue
+        left, rest = number(100.0 * without), number(100.0 * with_it)
+        behind.append(STAYS_BEHIND.format(name=each.name, without=left, with_it=rest))
+    return tuple(named), tuple(behind)
 
 
 def _by_samples(checked: Sequence[Defects]) -> list[Defect]:
@@ -241,11 +270,11 @@ def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
     return max(held.floor, math.sqrt(account.not_repeatable) * held.nrmse)
 
 
-def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
+def _experiment(searched: Searched, named: Sequence[FoundEffect], held_out: Cut) -> NextExperiment | None:
     best, one = searched.chosen.last, held_out.series[0]
     volts = float(np.max(np.abs(one.u)))
     asked = best.model, best.x, one.noise, volts, one.tick
-    told = next_experiment(searched.effects, *asked)
+    told = next_experiment(named, *asked)
     return told or (beyond_a_relay(*asked) if held_out.relayed else None)
 
 

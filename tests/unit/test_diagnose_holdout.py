@@ -1,0 +1,61 @@
+"""A recording that no fit has seen: what carries over to it is named, what does not is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from seod.data import Recording
+from seod.diagnose.pipeline import Options, diagnose
+
+pytestmark = pytest.mark.slow
+
+RATE, OMEGA_N, ZETA, GAIN = 500.0, 60.0, 0.4, 3.0
+ZERO = 0.1
+"""Of the sensor, in the movement's standard deviation."""
+
+
+def speeds(seed, zero, name):
+    """The speed of a linear plant under a multisine, with noise, read by a sensor with this zero."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(6000) / RATE
+    lines = np.arange(1, 24) / 2.0
+    u = (
+        sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(lines, rng.uniform(0, 6, len(lines)), strict=True))
+        / 4
+    )
+    plant = [GAIN * OMEGA_N**2], [1.0, 2.0 * ZETA * OMEGA_N, OMEGA_N**2]
+    y = lsim(plant, u, t, interp=False)[1]
+    y = y + np.std(y) * (zero + 0.01 * rng.standard_normal(len(t)))
+    rows = np.arange(1, len(t) + 1)
+    return Recording((Path(name),), t, u, y, None, None, None, rows, {}, {}, ())
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return speeds(1, ZERO, "fitted.csv")
+
+
+def asked(fitted, other):
+    return diagnose([fitted], [other], Options(output="velocity", effort="quick"))
+
+
+def test_an_offset_that_both_recordings_have_is_named(fitted):
+    d = asked(fitted, speeds(2, ZERO, "alike.csv"))
+    assert d.verdict == "effects"
+    assert [each.name for each in d.effects] == ["load_bias"]
+    assert d.share(d.effects[0]) == pytest.approx(1.0, abs=0.01)
+    assert d.grade == "down_to_noise"
+
+
+def test_an_offset_of_the_fitted_recording_alone_is_not_named_but_told(fitted):
+    d = asked(fitted, speeds(2, -ZERO, "other.csv"))
+    assert d.effects == ()
+    assert d.verdict == "unexplained"
+    assert d.grade == "useless"
+    assert "load_bias" in d.extended.effects
+    assert any(told.startswith("load_bias is in the extended model, but not named") for told in d.remarks)
+    assert any("the zero of sensor or loop is another one" in told for told in d.remarks)
