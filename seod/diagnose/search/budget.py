@@ -108,7 +108,7 @@ class Budget:
 
     def looking(self) -> Callable[[], bool]:
         """Tells when no further set is fitted to whole recordings, or looked at where no fit has seen."""
-        return self._after(BUDGET.looking_part * (self.total + self.further))
+        return self._after(BUDGET.looking_part * self.total)
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.clock() + seconds
