@@ -145,7 +145,7 @@ async def watched(run, out, count, before):
             watch(client, 20.0, count, out)
 
     async def excite():
-        await eventually(lambda: run.gateway.hub.wanted("estimate"))
+        await eventually(lambda: all(map(run.gateway.hub.wanted, ("estimate", "event"))))
         before()
         run.loop.rows(2000)
 

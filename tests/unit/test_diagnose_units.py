@@ -83,6 +83,8 @@ def apart(a, b):
 
 
 def close(a, b, place):
+    if place == ".account.detectable_nrmse":  # one of a few sizes, each twice the last: rounding may decide
+        return 0.4 < a / b < 2.5
     return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=LEAST_SHARE if place.startswith(".account") else 0.0)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import socket
 import tracemalloc
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -153,13 +154,13 @@ async def test_a_gateway_keeps_nothing_of_clients_that_have_left() -> None:
             run.loop.taken.clear()
 
         tracemalloc.start()
+        held = []
         try:
-            for _ in range(30):
-                await once()
-            before = held_bytes()
-            for _ in range(30):
-                await once()
-            grown = held_bytes() - before
+            for _ in range(4):
+                for _ in range(30):
+                    await once()
+                held.append(held_bytes())
         finally:
             tracemalloc.stop()
-        assert grown < SLACK_BYTES
+        # what is kept of each client grows each time, what a busy machine has under way does not
+        assert min(after - before for before, after in pairwise(held)) < SLACK_BYTES
