@@ -181,8 +181,8 @@ class Work:
     """[ns] A row's residual, and its part of derivatives and normal equations. Measured: as `step_ns`,
     33."""
     simulation_ns: int = 100_000
-    """[ns] A simulation's beginning and end, and Python around it. Measured: least squares of processor times
-    of four diagnoses of 60 s at 2 kHz and one of 10 s, which it gives with the two above to 20 %."""
+    """[ns] A simulation's beginning and end, and Python around it. Measured: by least squares, with other
+    numbers of the two above. All three give 0.6 to 0.85 of processor times (`bench/diagnose.py`)."""
 
 
 WORK: Final = Work()

@@ -25,7 +25,7 @@ class Baseline:
     """[s] Of windows in which the grid is searched. Chosen."""
     whole_rows: int = 30_000
     """[rows] Of whole recordings in which it is searched, at most. Chosen: a quarter of a minute at 2 kHz,
-    where all rows took a fifth of the time of a diagnosis that finds nothing."""
+    where all rows took a quarter of the time of a diagnosis that finds nothing."""
     above_limit_cycle: float = 1.2
     """[-] omega_n over the limit cycle's, which delay and backlash make slower. Chosen."""
     limit_cycle_damping: float = 0.3
