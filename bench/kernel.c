@@ -31,7 +31,11 @@ static void moved(const double *z, const double *k, double h, double *out) {
   for (int i = 0; i < STATES; i++) out[i] = z[i] + h * k[i];
 }
 
-static void step(const Plant *p, const State *s, const double *z, double h, double *out) {
+static void step(const Plant *p, State *s, const double *z, double h, double *out) {
+  if (p->linear != 0.0) {
+    exact_step(p, s, z, h, out);
+    return;
+  }
   double a[STATES], b[STATES], c[STATES], d[STATES], at[STATES];
   const double half = 0.5 * h;
   const double middle = opening(p, spool_at(p, s, half));
@@ -52,7 +56,7 @@ static void accept(const Plant *p, State *s, const double *z, double h) {
   s->pressure = z[PRESSURE], s->velocity = z[VELOCITY], s->position = z[POSITION];
   s->velocity2 = z[VELOCITY2], s->position2 = z[POSITION2], s->bristle = z[BRISTLE], s->lagged = z[LAGGED];
   s->followed = followed(p, s, s->position);
-  s->steps += 1.0;
+  s->steps += p->linear != 0.0 ? COST : 1.0;
 }
 
 static double balance(const Plant *p, const State *s, const double *z, double t) {
@@ -89,7 +93,7 @@ static double locate(const Plant *p, State *s, const double *z, double h) {
     double middle = (low * at_high - high * at_low) / (at_high - at_low);
     middle = clip(middle, low + 0.5 * sharp, high - 0.5 * sharp);
     if (trial > MOST_TRIALS) middle = 0.5 * (low + high);
-    s->steps += 1.0;
+    s->steps += p->linear != 0.0 ? COST : 1.0;
     step(p, s, z, middle, then);
     const double value = event(p, s, then, middle);
     if (value > 0.0) {

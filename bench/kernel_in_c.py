@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim import kernel, physics, runs, substep
+from sim import exact, kernel, physics, runs, substep
 from sim.effects import MAP_KNOTS
 from sim.parameters import PARAMETERS
 from sim.runs import RELAY
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONSTANTS = {
+    "SAME": exact.SAME,
+    "COST": exact.COST,
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,
     "SETTLED": physics.SETTLED,

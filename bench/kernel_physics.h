@@ -44,17 +44,28 @@ static bool swings(const Plant *p) {
   return p->spool_inertia_omega < INFINITY && p->valve_lag_time > 0.0 && !limited;
 }
 
+static double opens(const Plant *p, double spool) {
+  const double from_centre = spool - p->null_shift_voltage;
+  return fabs(from_centre) < p->valve_deadband_half_width ? 0.0 : 1.0 + copysign(p->asymmetric_gain_ratio, from_centre);
+}
+
+static double oscillation(double d, double square, double h, double *odd) {
+  const double beyond = d * d - square;
+  if (beyond > 0.0) {
+    const double k = sqrt(beyond), slow = exp(-h * square / (d + k));
+    *odd = slow * -expm1(-2.0 * k * h) / (2.0 * k);
+    return slow - k * *odd;
+  }
+  const double fading = exp(-d * h), k = sqrt(-beyond);
+  *odd = k == 0.0 ? fading * h : fading * sin(k * h) / k;
+  return fading * cos(k * h);
+}
+
 static double swung(const Plant *p, const State *s, double h, double *speed_then) {
   const double square = p->spool_inertia_omega * p->spool_inertia_omega, d = 0.5 * p->valve_lag_time * square;
-  const double off = s->spool - s->target, speed = s->spool_speed, beyond = d * d - square;
-  double even = exp(-d * h), odd = even * h;
-  if (beyond > 0.0) {
-    const double k = sqrt(beyond), slow = exp(-h * square / (d + k)), fast = exp(-h * (d + k));
-    even = 0.5 * (slow + fast), odd = 0.5 * (slow - fast) / k;
-  } else if (beyond < 0.0) {
-    const double k = sqrt(-beyond), fading = even;
-    even = fading * cos(k * h), odd = fading * sin(k * h) / k;
-  }
+  const double off = s->spool - s->target, speed = s->spool_speed;
+  double odd;
+  const double even = oscillation(d, square, h, &odd);
   *speed_then = even * speed - odd * (d * speed + square * off);
   return s->target + even * off + odd * (speed + d * off);
 }
@@ -120,7 +131,7 @@ static double friction_level(const Plant *p, double speed) {
 }
 
 static bool dry_friction(const Plant *p) {
-  return p->lugre_friction_stiffness == 0.0 && friction_level(p, 0.0) > 0.0;
+  return p->lugre_friction_stiffness == 0.0 && p->coulomb_friction_level + p->stribeck_friction_level > 0.0;
 }
 
 static bool settled(const Plant *p, const State *s) {

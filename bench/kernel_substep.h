@@ -1,5 +1,5 @@
 /* The length of a substep in C, for bench/kernel.c: sim/substep.py, function by function. */
-#include "kernel_physics.h"
+#include "kernel_exact.h"
 
 static double passes(const Plant *p, double before, double after) {
   const double lag = p->valve_lag_time, rate = p->valve_rate_limit_rate, knee = rate * lag;
@@ -27,6 +27,8 @@ static double next_edge(const Plant *p, const State *s, double h) {
     const double ramp = ramps_for(p, s);
     if (ramp > 1e-9 * p->valve_lag_time) nearest = ramp;
   }
+  const bool bent = p->valve_deadband_half_width > 0.0 || p->asymmetric_gain_ratio != 0.0;
+  if (!bent && p->square_root_flow_supply == INFINITY) return nearest;
   for (double side = -1.0; side <= 1.0; side += 2.0) {
     const double edge = p->null_shift_voltage + side * p->valve_deadband_half_width;
     if (swings(p)) {

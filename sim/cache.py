@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SOURCES = (
     "compiled.py",
     "effects.py",
+    "exact.py",
     "hydraulics/closed_loop.py",
     "hydraulics/flow.py",
     "hydraulics/live.py",

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from sim import physics
+from sim import exact, physics
 from sim.compiled import Record, compiled, inlined
 from sim.substep import longest_substep, next_substep
 
@@ -100,7 +100,9 @@ def _moved(z: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 
 @compiled
 def _step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
-    """One Runge-Kutta step of `h` [s] from `z`."""
+    """One step of `h` [s] from `z`: exact where the plant is linear, else by Runge and Kutta."""
+    if p.linear != 0.0:
+        return exact.step(p, s, z, h)
     half = 0.5 * h
     first = physics.opening(p, s.spool if physics.spool_moves(p) else s.target)
     middle = physics.opening(p, physics.spool_at(p, s, half))
@@ -119,7 +121,13 @@ def _accept(p: Record, s: Record, z: tuple[float, ...], h: float) -> None:
     s.t += h
     s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged = z
     s.followed = physics.followed(p, s, s.position)
-    s.steps += 1.0
+    s.steps += _cost(p)
+
+
+@compiled
+def _cost(p: Record) -> float:
+    """Of one step, over one by Runge and Kutta."""
+    return exact.COST if p.linear != 0.0 else 1.0
 
 
 @compiled
@@ -165,7 +173,7 @@ def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
         middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
         if trial > MOST_TRIALS:
             middle = 0.5 * (low + high)
-        s.steps += 1.0
+        s.steps += _cost(p)
         value = _event(p, s, _step(p, s, z, middle), middle)
         if value > 0.0:
             high, at_high = middle, value

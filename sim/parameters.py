@@ -33,15 +33,19 @@ SLOTS = (
     *(f"{effect.name}_{each.name}" for effect in EFFECTS.values() for each in effect.parameters),
     "substep",
     "shortest",
+    "linear",
 )
-"""Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], and
-the shortest one over it that an orifice may ask for."""
+"""Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], the
+shortest one over it that an orifice may ask for, and whether steps are exact (1) or by Runge and Kutta."""
 
 PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""
 
 ACCURACY = 0.1
 """Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
+
+NEAR = 1e-6
+"""Part by which a lag may come near to a rate of the oil and the load: nearer, differences lose digits."""
 
 
 SHORTEST = 1e-3
@@ -81,8 +85,9 @@ def parameters(
     if len(values) > len(_NULLS):
         unknown = [name for name in values if name not in _NULLS]
         raise ValueError(f"unknown: {', '.join(unknown)}; there are {', '.join(BASE)}")
-    record = np.array([*values.values(), 0.0, shortest]).view(PARAMETERS)
-    record["substep"] = accuracy / fastest_rate(record)
+    linear = is_linear(values)
+    record = np.array([*values.values(), 0.0, shortest, float(linear)]).view(PARAMETERS)
+    record["substep"] = accuracy / (omega_n if linear else fastest_rate(record))
     return record
 
 
@@ -105,7 +110,19 @@ def nulls() -> dict[str, float]:
     return {f"{e.name}_{each.name}": each.null for e in EFFECTS.values() for each in e.parameters}
 
 
+_CHANGING = ("parameter_drift", "pressure_dependent_stiffness")
 _NULLS = {**BASE, **nulls()}
+_ANOTHER_EQUATION = (
+    "load_resonance_inertia",
+    "load_spring_stiffness",
+    "load_bias_drift",
+    "periodic_disturbance_amplitude",
+    "sensor_lag_time",
+    "stribeck_friction_level",
+    "lugre_friction_stiffness",
+    *(f"{name}_{each.name}" for name in _CHANGING for each in EFFECTS[name].parameters),
+)
+"""What must be 0 where oil and load alone are linear, besides what must be infinite."""
 
 
 def vector(record: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
@@ -135,6 +152,25 @@ def _chosen(effects: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
 def _in_range(each: Parameter, value: float, place: str) -> None:
     if not each.low <= value <= each.high:
         raise ValueError(f"{place} = {value:g} {each.unit} must be within [{each.low:g}, {each.high:g}]")
+
+
+def is_linear(p: Mapping[str, float]) -> bool:
+    """Whether pressure, speed and position alone follow a linear equation from one event to the next.
+
+    Then a step is exact (`sim.exact`). Its length matters to events alone: of each there may be one in it.
+    """
+    if not p["zeta"] > 0.0 or any(p[name] != 0.0 for name in _ANOTHER_EQUATION):
+        return False
+    if min(p["square_root_flow_supply"], p["valve_rate_limit_rate"], p["spool_inertia_omega"]) < INF:
+        return False
+    return p["valve_lag_time"] == 0.0 or not _as_quick(p["valve_lag_time"], p["omega_n"], p["zeta"])
+
+
+def _as_quick(lag: float, omega_n: float, zeta: float) -> bool:
+    """Whether a lag is one of the load's own, or of the oil's that a standing load presses."""
+    rate, square, leaks = 1.0 / lag, omega_n * omega_n, 2.0 * zeta * omega_n
+    of_load = abs(rate * (rate - leaks) + square) / (rate * (rate + leaks) + square)
+    return min(of_load, abs(rate - leaks) / (rate + leaks)) < NEAR
 
 
 def fastest_rate(record: npt.NDArray[np.void]) -> float:

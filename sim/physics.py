@@ -52,6 +52,15 @@ def opening(p: Record, spool: float) -> float:
 
 
 @compiled
+def opens(p: Record, spool: float) -> float:
+    """How much more a spool opens that goes on: slope of `opening`."""
+    from_centre = spool - p.null_shift_voltage
+    if abs(from_centre) < p.valve_deadband_half_width:
+        return 0.0
+    return 1.0 + math.copysign(p.asymmetric_gain_ratio, from_centre)
+
+
+@compiled
 def spool_at(p: Record, s: Record, h: float) -> float:
     """The spool `h` [s] from now [V]."""
     lag, rate = p.valve_lag_time, p.valve_rate_limit_rate
@@ -86,20 +95,25 @@ def swung(p: Record, s: Record, h: float) -> tuple[float, float]:
     square = p.spool_inertia_omega * p.spool_inertia_omega
     d = 0.5 * p.valve_lag_time * square
     off, speed = s.spool - s.target, s.spool_speed
+    even, odd = oscillation(d, square, h)
+    push = speed + d * off
+    return s.target + even * off + odd * push, even * speed - odd * (d * speed + square * off)
+
+
+@compiled
+def oscillation(d: float, square: float, h: float) -> tuple[float, float]:
+    """exp(-d h) times cos(k h), and times sin(k h) / k [s], with k^2 = square - d^2 of either sign."""
     beyond = d * d - square
     if beyond > 0.0:
         k = math.sqrt(beyond)
         slow = math.exp(-h * square / (d + k))
-        fast = math.exp(-h * (d + k))
-        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / k
-    elif beyond < 0.0:
-        k, fading = math.sqrt(-beyond), math.exp(-d * h)
-        even, odd = fading * math.cos(k * h), fading * math.sin(k * h) / k
-    else:
-        even = math.exp(-d * h)
-        odd = even * h
-    push = speed + d * off
-    return s.target + even * off + odd * push, even * speed - odd * (d * speed + square * off)
+        odd = slow * -math.expm1(-2.0 * k * h) / (2.0 * k)
+        return slow - k * odd, odd
+    fading = math.exp(-d * h)
+    if beyond == 0.0:
+        return fading, fading * h
+    k = math.sqrt(-beyond)
+    return fading * math.cos(k * h), fading * math.sin(k * h) / k
 
 
 @compiled
@@ -183,7 +197,7 @@ def friction_level(p: Record, speed: float) -> float:
 @compiled
 def dry_friction(p: Record) -> bool:
     """Whether the load can stick."""
-    return p.lugre_friction_stiffness == 0.0 and friction_level(p, 0.0) > 0.0
+    return p.lugre_friction_stiffness == 0.0 and p.coulomb_friction_level + p.stribeck_friction_level > 0.0
 
 
 @inlined

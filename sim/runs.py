@@ -4,7 +4,8 @@ Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[
 leaves at t_u[k] and holds until the next. The plant's own transport delay comes on top, exactly.
 Arrays `supply` (supply pressure over nominal), `warmth` (temperature above nominal [K]) and `force` (what is
 measured of a disturbance) have an element a row, or none: then they stay as they are. `noise` [unit, or
-unit/s] likewise.
+unit/s] likewise. No array is handed to a function row by row: that costs two locked instructions each, which
+together took more than the plant.
 """
 
 from __future__ import annotations
@@ -36,27 +37,19 @@ RELAY = np.dtype(
 )
 
 
-@compiled
-def condition(s: Record, supply: Array, warmth: Array, force: Array, k: int) -> None:
-    """Have the surroundings of row `k` from now on."""
-    if len(supply):
-        s.supply = supply[k]
-    if len(warmth):
-        s.warmth = warmth[k]
-    if len(force):
-        s.force = force[k]
-
-
 ON_TIME = 1e-9
 """Part of the time for which readings are held, by which a row may be early and still have the new one."""
 
 
 @compiled
-def _read(p: Record, s: Record, noise: Array, k: int) -> float:
-    if s.taken > -math.inf:
-        return s.reading
-    value = measured(p, s)
-    return quantized(p, value + noise[k] if len(noise) else value)
+def _reading(p: Record, s: Record, noise: float) -> float:
+    return quantized(p, measured(p, s) + noise)
+
+
+@compiled
+def _shown(p: Record, s: Record, noise: float) -> float:
+    """What the sensor shows: a new reading, or the one that it holds."""
+    return s.reading if s.taken > -math.inf else _reading(p, s, noise)
 
 
 @compiled
@@ -70,28 +63,13 @@ def _due(p: Record, s: Record, t: float) -> float:
 
 
 @inlined
-def _sampled(
-    p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float, noise: Array, k: int
-) -> int:
-    """`_deliver`; on the way a sensor that holds its readings takes the one of row `k`."""
+def _go_on(p: Record, s: Record, t: float, noise: float) -> None:
+    """Bring the state to `t` [s]; on the way a sensor that holds its readings takes the one that is due."""
     due = _due(p, s, t)
     if due < math.inf:
-        given = _deliver(p, s, t_u, u, given, made, due)
-        s.taken = -math.inf
-        s.reading = _read(p, s, noise, k)
-        s.taken = due
-    return _deliver(p, s, t_u, u, given, made, t)
-
-
-@inlined
-def _deliver(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float) -> int:
-    """Have the commands that reach the valve by `t` act, each at its time; returns how many have by then."""
-    while given < made and t_u[given] + p.transport_delay_time <= t:
-        advance(p, s, max(s.t, t_u[given] + p.transport_delay_time))
-        command(p, s, u[given])
-        given += 1
+        advance(p, s, due)
+        s.reading, s.taken = _reading(p, s, noise), due
     advance(p, s, t)
-    return given
 
 
 @compiled
@@ -110,9 +88,42 @@ def follow(
     """Given commands `u` [V] at the times `t_u` [s]: what is measured at the times `t` [s], into `y`."""
     given = 0
     for k in range(len(t)):
-        condition(s, supply, warmth, force, k)
-        given = _sampled(p, s, t_u, u, given, len(u), t[k], noise, k)
-        y[k] = _read(p, s, noise, k)
+        if len(supply):
+            s.supply = supply[k]
+        if len(warmth):
+            s.warmth = warmth[k]
+        if len(force):
+            s.force = force[k]
+        heard = noise[k] if len(noise) else 0.0
+        while given < len(u) and t_u[given] + p.transport_delay_time <= t[k]:
+            _go_on(p, s, max(s.t, t_u[given] + p.transport_delay_time), heard)
+            command(p, s, u[given])
+            given += 1
+        _go_on(p, s, t[k], heard)
+        y[k] = _shown(p, s, heard)
+
+
+@inlined
+def _followed(r: Record, signal: float, before: float, y: float, tick: float) -> float:
+    """What the relay sees: the reading's error, or in velocity mode its integral."""
+    if r.velocity_mode == 0.0:
+        return y - r.reference
+    return signal + (0.5 * (before + y) - r.reference) * tick
+
+
+@inlined
+def _closed(r: Record, cycle: float, count: int, period: float, late: float) -> tuple[int, float, float]:
+    """When a cycle of `cycle` [s] has closed (NaN: it is the first upward crossing).
+
+    Returns:
+        Cycles of this phase, the last undisturbed period [s], by how much switches are late from now on [s].
+    """
+    if math.isnan(cycle):
+        return count, period, late
+    count, period = count + 1, cycle if late == 0.0 else period
+    if 0.0 < r.cycles <= count:
+        return 0, period, 0.0 if late > 0.0 else r.shift * period
+    return count, period, late
 
 
 @compiled
@@ -138,23 +149,27 @@ def sampled_relay(
     crossed, period, late = math.nan, 0.0, 0.0  # last upward crossing, last undisturbed period, lateness now
     count, due = 0, -math.inf  # cycles of this phase; when the shown sign follows
     for k in range(len(t)):
-        condition(s, supply, warmth, force, k)
-        given = _sampled(p, s, t_u, u, given, k, t[k], noise, k)
-        y[k] = _read(p, s, noise, k)
-        if r.velocity_mode == 0.0:
-            signal = y[k] - r.reference
-        elif k > 0:
-            signal += (0.5 * (y[k] + y[k - 1]) - r.reference) * (t[k] - t[k - 1])
+        if len(supply):
+            s.supply = supply[k]
+        if len(warmth):
+            s.warmth = warmth[k]
+        if len(force):
+            s.force = force[k]
+        heard = noise[k] if len(noise) else 0.0
+        while given < k and t_u[given] + p.transport_delay_time <= t[k]:
+            _go_on(p, s, max(s.t, t_u[given] + p.transport_delay_time), heard)
+            command(p, s, u[given])
+            given += 1
+        _go_on(p, s, t[k], heard)
+        y[k] = _shown(p, s, heard)
+        last = max(k - 1, 0)
+        signal = _followed(r, signal, y[last], y[k], t[k] - t[last])
         wanted = -1.0 if signal > r.hysteresis else 1.0 if signal < -r.hysteresis else sign
         if wanted != sign:
             sign, due = wanted, t[k] + late
             if sign > 0.0:
-                if not math.isnan(crossed):
-                    count += 1
-                    period = t[k] - crossed if late == 0.0 else period
+                count, period, late = _closed(r, t[k] - crossed, count, period, late)
                 crossed = t[k]
-                if 0.0 < r.cycles <= count:
-                    count, late = 0, 0.0 if late > 0.0 else r.shift * period
         if t[k] >= due:
             shown = sign
         rise = 1.0 if r.entry == 0.0 else min(1.0, (t[k] - t[0]) / r.entry)

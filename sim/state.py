@@ -41,6 +41,16 @@ STATE = np.dtype(
             "passed",  # 1: it did, and the integration ended there
             "reading",  # [unit, unit/s] the last that was taken, where the sensor holds it
             "taken",  # [s] when
+            "kept_omega_n",  # [rad/s] and the zeta of the plant that the following belong to (`sim.exact`)
+            "kept_zeta",
+            "kept_h",  # [s] length of a step, and its factors
+            "kept_even",
+            "kept_odd",
+            "kept_area",
+            "spare_h",  # those of another length
+            "spare_even",
+            "spare_odd",
+            "spare_area",
             "steps",  # Runge-Kutta steps so far: what the simulation costs
         )
     ]

@@ -81,6 +81,9 @@ def _next_edge(p: Record, s: Record, h: float) -> float:
         ramp = physics.ramps_for(p, s)
         if ramp > 1e-9 * p.valve_lag_time:
             nearest = ramp
+    bent = p.valve_deadband_half_width > 0.0 or p.asymmetric_gain_ratio != 0.0
+    if not bent and p.square_root_flow_supply == math.inf:
+        return nearest
     for side in (-1.0, 1.0):
         edge = p.null_shift_voltage + side * p.valve_deadband_half_width
         if physics.swings(p):

@@ -23,20 +23,19 @@ def at(accuracy, names, sees_speed=False, plant=(17.0, 117.0, 0.21)):
 @pytest.mark.parametrize(
     "names",
     [
-        (),
         ("load_spring", "parameter_drift"),
         ("load_resonance",),
-        ("valve_lag", "valve_deadband"),
-        ("valve_lag", "asymmetric_gain"),
+        ("load_spring", "valve_lag", "valve_deadband"),
+        ("load_spring", "valve_lag", "asymmetric_gain"),
         ("spool_inertia", "valve_deadband"),
         ("spool_inertia", "asymmetric_gain"),
         ("valve_rate_limit", "valve_deadband"),
         ("valve_rate_limit", "valve_lag", "asymmetric_gain"),
-        ("coulomb_friction",),
+        ("load_spring", "coulomb_friction"),
         ("stribeck_friction",),
         ("backlash", "sensor_lag"),
-        ("end_stops",),
-        ("end_stops", "coulomb_friction"),
+        ("load_spring", "end_stops"),
+        ("load_spring", "end_stops", "coulomb_friction"),
     ],
     ids="+".join,
 )
@@ -45,6 +44,26 @@ def test_the_order_is_four_through_all_events(names):
     errors = [apart(at(accuracy, names), exact) for accuracy in (0.16, 0.08, 0.04)]
     assert errors[0] / errors[2] > 16.0**2 / 2.5, errors
     assert errors[2] < 1e-6
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        (),
+        ("valve_lag", "valve_deadband"),
+        ("valve_lag", "asymmetric_gain", "null_shift"),
+        ("coulomb_friction",),
+        ("coulomb_friction", "valve_lag"),
+        ("transport_delay", "null_shift", "backlash"),
+        ("end_stops",),
+        ("end_stops", "coulomb_friction", "valve_deadband"),
+    ],
+    ids="+".join,
+)
+@pytest.mark.parametrize("plant", [(17.0, 117.0, 0.21), (17.0, 60.0, 0.8), (80.0, 60.0, 3.0)], ids=str)
+def test_a_linear_plants_steps_have_no_error(names, plant):
+    assert record(names, plant=plant)[0]["linear"] == 1.0
+    assert apart(at(0.2, names, plant=plant), at(0.005, names, plant=plant)) < 1e-9
 
 
 @pytest.mark.parametrize("plant", [(17.0, 117.0, 0.21), (17.0, 145.0, 0.45), (17.0, 60.0, 0.8)], ids=str)
