@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.noise_colour import colour
 from seod.diagnose.account.repeats import not_repeated, repeats
-from seod.diagnose.account.residual import Plant, WindowResidual, mean_square
+from seod.diagnose.account.residual import Plant, WindowResidual, mean_square, window_residuals
 from seod.diagnose.account.yardstick import yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
-from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.initial_states import simulated_states, travelled
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import at_limits, covariance, p_value, reaches_null
@@ -23,7 +24,7 @@ from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_period import finer_period_s
 from seod.diagnose.record.series import series
 from seod.diagnose.record.sweep import sweeps
-from seod.diagnose.record.windows import cut
+from seod.diagnose.record.windows import Cut, cut
 from seod.diagnose.result import Account, Unexplained, Yardstick
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.verdict.unexplained import systematic_part
@@ -125,6 +126,24 @@ def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
     part = 4.0 * box.detectable if box.detectable < 1.0 else 0.0625
     there = foretold(parts_of(u, noise + np.sqrt(part) * drag, states), PLANT)
     assert there.share.significant == (box.detectable < 1.0)
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_what_is_asked_of_a_speed_is_where_its_readings_say_that_the_load_is(signed):
+    """A model whose speed is off lets the load drift away; the bend that is left is the model's."""
+    n = 400
+    t = np.arange(n) / RATE
+    y = np.cos(9.0 * t) if signed else 1.5 + np.cos(9.0 * t)
+    one = series(recording(np.sin(5.0 * t), y), np.zeros(n, np.bool_), sees_speed=True)
+    place = travelled(one)
+    off, wave = 0.7 * (t - t[0]) + 0.2, 0.01 * np.sin(40.0 * t)
+    states = np.column_stack([np.zeros(n), y, place + off + wave, place, np.zeros(n)])
+    some = np.ones(n, np.bool_)
+    cut = Cut([one], ((0, 0, 200), (0, 200, n)))
+    held = SimpleNamespace(cut=cut, states=states, error=np.zeros(n), scored=some, sure=some)
+    found = np.concatenate([each.position for each in window_residuals(held, held_out=True)])
+    expected = place + wave if signed else states[:, 2]
+    assert np.max(np.abs(found - expected)) < (0.003 if signed else 1e-12)
 
 
 def test_slow_noise_in_few_windows_could_hide_anything():

@@ -52,14 +52,14 @@ def slide(drift: float, gusts: np.ndarray, period: float = 4.0) -> tuple[np.ndar
     return u, seen
 
 
-def gusts(size: float, seed: int, lasts: float = LASTS) -> np.ndarray:
-    """A random force with a memory of 0.2 s, and without a trend."""
+def gusts(size: float, seed: int, lasts: float = LASTS, *, trend: bool = False) -> np.ndarray:
+    """A random force with a memory of 0.2 s, with what trend it happens to have or without."""
     rng, rows, kept = np.random.default_rng(seed), int(lasts * RATE), float(np.exp(-5.0 / RATE))
     out, now = np.empty(rows), 0.0
     for k in range(rows):
         now = kept * now + size * np.sqrt(1.0 - kept**2) * rng.standard_normal()
         out[k] = now
-    return detrend(out)
+    return out if trend else detrend(out)
 
 
 def found(u: np.ndarray, y: np.ndarray):
@@ -85,6 +85,13 @@ def test_a_load_that_grows_is_found_with_its_size_and_foretells_thirds_that_no_f
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gusts_alone_are_no_drift(seed):
     begun, one = found(*slide(0.0, gusts(0.05, seed)))
+    assert drifting_load(begun, [one], map, lambda: False) is None
+
+
+@pytest.mark.parametrize("seed", [2, 8])
+def test_gusts_with_a_trend_bend_each_third_their_own_way(seed):
+    """Of twelve such slides these two had thirds that a drift foretold."""
+    begun, one = found(*slide(0.0, gusts(0.05, seed, trend=True)))
     assert drifting_load(begun, [one], map, lambda: False) is None
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.causes.base import BASE
+from seod.diagnose.fitting.initial_states import travelled
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
 from seod.diagnose.tuning.account import SYSTEMATIC
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array, Mask
 
 
@@ -54,7 +56,8 @@ class WindowResidual:
         scored: Rows that count.
         pressure: Of the load, simulated, as the acceleration of the free load [unit/s^2].
         velocity: Likewise [unit/s].
-        position: Likewise [unit].
+        position: Likewise [unit]; of a speed but for a straight line where its readings tell it to be: by a
+            wrong model the load drifts off. Nearer to them, it would bring along what is left of them.
         held_out: No fit has seen it.
     """
 
@@ -77,9 +80,22 @@ def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
         if scored[rows].any():
             t, u = one.t[first:last], one.u[first:last]
             pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
+            if _tells_its_place(one):
+                position = position + _line(t, travelled(one)[first:last] - position)
             some = pressure, velocity, position
             out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
     return out
+
+
+def _tells_its_place(one: Series) -> bool:
+    """Whether readings are a speed with its sign, so that their integral is where the load is."""
+    y = one.y[one.good]
+    return one.sees_speed and float(np.min(y)) < 0.0 < float(np.max(y))
+
+
+def _line(t: Array, off: Array) -> Array:
+    """The straight line nearest to `off`."""
+    return np.asarray(np.polynomial.Polynomial.fit(t, off, 1)(t))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,8 @@
 An integrating plant adds up over a minute what is lost in the noise of seconds. So it is asked of one run of
 each recording, once the causes are chosen, and of thirds of it that a fit has not seen: each has to be
 foretold better with the drift. Gusts bend a run, too. So windows have to come out nearer as well: what
-gusts did before is in their initial states.
+gusts did before is in their initial states. And the drift has to be the same whichever third is left out:
+gusts bend each third their own way.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.stats import t as student
 from scipy.stats import ttest_1samp
 
 from seod.diagnose.causes.table import OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE
@@ -64,13 +66,16 @@ def drifting_load(
         return None
     if _no_less(*(_in_windows(each, every) for each in (plain, drifting))):
         return None
-    errors = np.array(
-        [[_left_out(each, third, parallel, ended) for each in (plain, drifting)] for third in _thirds(every)]
-    )
-    if ended() or any(_no_less(*each) for each in errors):
+    errors, sizes = [], []
+    for third in _thirds(every):
+        both = [_left_out(each, third, parallel, ended) for each in (plain, drifting)]
+        errors.append([unseen(each, third) for each in both])
+        sizes.append(both[1].model.values(both[1].x)[OFFSET_DRIFT_PLACE])
+    if ended() or any(_no_less(*each) for each in errors) or _may_be_none(sizes):
         return None
-    without, with_it = np.sqrt(np.mean(errors**2, axis=0))
-    saved = np.log(errors[:, 0]) - np.log(errors[:, 1])
+    of_thirds = np.array(errors)
+    without, with_it = np.sqrt(np.mean(of_thirds**2, axis=0))
+    saved = np.log(of_thirds[:, 0]) - np.log(of_thirds[:, 1])
     p_value = float(ttest_1samp(saved, 0.0, alternative="greater").pvalue)
     return Drift(drifting, float(without), float(with_it), p_value)
 
@@ -100,7 +105,17 @@ def _thirds(every: Sequence[Series]) -> Iterator[Cut]:
         yield Cut(every, tuple((k, int(at[part]), int(at[part + 1])) for k, at in rows))
 
 
-def _left_out(fitted: Fitted, third: Cut, parallel: ParallelMap, ended: Callable[[], bool]) -> float:
-    """NRMSE of one run over rows that the same set, fitted to all others, has not seen."""
+def _left_out(fitted: Fitted, third: Cut, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
+    """The same set fitted to one run over all other rows."""
     rest = all_but(third.series, third)
-    return unseen(fitted_over(fitted, Cut(rest.series, whole_series(rest.series)), parallel, ended), third)
+    return fitted_over(fitted, Cut(rest.series, whole_series(rest.series)), parallel, ended)
+
+
+def _may_be_none(sizes: Sequence[float]) -> bool:
+    """Whether a number, each time with another part left out, is none by its interval.
+
+    By the jackknife: the parts' scatter tells the deviation, whatever bends each of them.
+    """
+    count = len(sizes)
+    sd = float(np.std(sizes)) * np.sqrt(count - 1.0)
+    return bool(abs(np.mean(sizes)) <= student.ppf(LOAD_DRIFT.surely, count - 1) * sd)
