@@ -143,7 +143,7 @@ def test_what_is_asked_of_a_speed_is_where_its_readings_say_that_the_load_is(sig
     held = SimpleNamespace(cut=cut, states=states, error=np.zeros(n), scored=some, sure=some)
     found = np.concatenate([each.position for each in window_residuals(held, held_out=True)])
     expected = place + wave if signed else states[:, 2]
-    assert np.max(np.abs(found - expected)) < (0.003 if signed else 1e-12)
+    assert np.max(np.abs(found - expected)) < (0.006 if signed else 1e-12)  # the wave has a line of its own
 
 
 def test_slow_noise_in_few_windows_could_hide_anything():
