@@ -1,7 +1,8 @@
 """Whole runs of the physical plant: given commands, or a sampled relay. Both release the GIL.
 
 Timing is that of recordings: row k has the time t[k], y[k] sampled then, and u[k] computed from it, which
-leaves at t_u[k]. Arrays `supply`, `warmth` and `noise` have an element a row, or none.
+leaves at t_u[k]. Arrays `supply`, `warmth` and `noise` have an element a row, or none. As in `sim.runs`, no
+array is handed to a function row by row but `inside`, where it is wanted.
 """
 
 from __future__ import annotations
@@ -19,35 +20,25 @@ INSIDE = ("pressure_a", "pressure_b", "pressure_s", "velocity", "position", "spo
 """Columns of what `follow` and `relay` show of the inside, where they are given room for it."""
 
 
-@compiled
-def reach(p: Record, s: Record, t_u: Array, u: Array, given: int, made: int, t: float) -> int:
-    """Come to `t` [s] with each command acting at its time; returns how many have acted."""
-    while given < made and t_u[given] + p.valve_delay <= t:
-        advance(p, s, max(s.t, t_u[given] + p.valve_delay))
-        command(p, s, u[given])
-        given += 1
-    advance(p, s, t)
-    return given
+@inlined
+def reach(p: Record, s: Record, t: float, volts: float) -> None:
+    """Have a command act from `t` [s] on, or from now where that is later."""
+    advance(p, s, max(s.t, t))
+    command(p, s, volts)
 
 
-@compiled
-def around(p: Record, s: Record, supply: Array, warmth: Array, k: int) -> None:
-    """Have the surroundings of row `k`."""
-    if len(supply) or len(warmth):
-        now = supply[k] if len(supply) else s.supply
-        warm = warmth[k] if len(warmth) else s.warmth
-        if now != s.supply or warm != s.warmth:
-            surroundings(p, s, now, warm)
+@inlined
+def around(p: Record, s: Record, supply: float, warmth: float) -> None:
+    """Have these surroundings."""
+    if supply != s.supply or warmth != s.warmth:
+        surroundings(p, s, supply, warmth)
 
 
-@compiled
-def look(p: Record, s: Record, noise: Array, inside: Array, k: int) -> float:
-    """Reading of row `k`; what is inside goes into `inside`, shape (n, 6) or (0, 6)."""
-    if len(inside):
-        inside[k, 0], inside[k, 1], inside[k, 2] = s.pressure_a, s.pressure_b, s.pressure_s
-        inside[k, 3], inside[k, 4], inside[k, 5] = s.velocity, s.position, s.spool
-    value = measured(p, s)
-    return quantized(p, value + noise[k] if len(noise) else value)
+@inlined
+def show(s: Record, inside: Array, k: int) -> None:
+    """Row `k` of what is inside."""
+    inside[k, 0], inside[k, 1], inside[k, 2] = s.pressure_a, s.pressure_b, s.pressure_s
+    inside[k, 3], inside[k, 4], inside[k, 5] = s.velocity, s.position, s.spool
 
 
 @compiled
@@ -66,9 +57,20 @@ def follow(
     """Given commands `u` [V] at the times `t_u` [s]: what is measured at `t` [s], into `y`."""
     given = 0
     for k in range(len(t)):
-        around(p, s, supply, warmth, k)
-        given = reach(p, s, t_u, u, given, len(u), t[k])
-        y[k] = look(p, s, noise, inside, k)
+        around(p, s, supply[k] if len(supply) else s.supply, warmth[k] if len(warmth) else s.warmth)
+        while given < len(u) and t_u[given] + p.valve_delay <= t[k]:
+            reach(p, s, t_u[given] + p.valve_delay, u[given])
+            given += 1
+        advance(p, s, t[k])
+        y[k] = quantized(p, measured(p, s) + (noise[k] if len(noise) else 0.0))
+        if len(inside):
+            show(s, inside, k)
+
+
+@inlined
+def watched(r: Record, error: float, before: float, y: float, wish: float, tick: float) -> float:
+    """The error that the relay sees: of a position, or of a speed the integral."""
+    return y - wish if r.velocity_mode == 0.0 else error + 0.5 * tick * (y + before) - wish * tick
 
 
 @inlined
@@ -117,25 +119,24 @@ def relay(
         t_u: Filled, shape (n,).
         inside: `INSIDE`, filled, shape (n, 6) or (0, 6).
     """
-    given, closed, error, area = 0, True, 0.0, 0.0
+    given, closed, error = 0, True, 0.0
     side = 1.0  # of the relay
     put_out = 1.0  # what of it has left
     rose, whole, behind = -1.0, 0.0, 0.0  # time of the last rise, undisturbed period, lateness
     rounds, when = 0, -math.inf
-    before, tick = 0.0, 0.0
     switched, up, moved = t[0], 0.0, 0.0  # last switch, time of the last upper half, bias moved so far
     for k in range(len(t)):
-        around(p, s, supply, warmth, k)
-        given = reach(p, s, t_u, u, given, k, t[k])
-        y[k] = look(p, s, noise, inside, k)
+        around(p, s, supply[k] if len(supply) else s.supply, warmth[k] if len(warmth) else s.warmth)
+        while given < k and t_u[given] + p.valve_delay <= t[k]:
+            reach(p, s, t_u[given] + p.valve_delay, u[given])
+            given += 1
+        advance(p, s, t[k])
+        y[k] = quantized(p, measured(p, s) + (noise[k] if len(noise) else 0.0))
+        if len(inside):
+            show(s, inside, k)
         wish = reference[k] if len(reference) else r.reference
-        if r.velocity_mode != 0.0:
-            if k > 0:
-                tick = t[k] - t[k - 1]
-                area += 0.5 * tick * (y[k] + before) - wish * tick
-            before, error = y[k], area
-        else:
-            error = y[k] - wish
+        last = max(k - 1, 0)
+        error = watched(r, error, y[last], y[k], wish, t[k] - t[last])
         turned = (side > 0.0 and error > r.hysteresis) or (side < 0.0 and error < -r.hysteresis)
         if turned:
             side = -side
@@ -145,8 +146,7 @@ def relay(
             if side > 0.0:
                 if rose >= 0.0:
                     rounds += 1
-                    if behind == 0.0:
-                        whole = t[k] - rose
+                    whole = t[k] - rose if behind == 0.0 else whole
                 rose = t[k]
                 if r.cycles > 0.0 and rounds >= r.cycles:
                     rounds, closed = 0, not closed
