@@ -92,6 +92,7 @@ def driven(request):
     return u, plain, dragged[2] - plain[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_noise_of_any_colour_is_not_systematic(driven, memory):
     u, states, effect = driven

@@ -72,6 +72,7 @@ def found(u: np.ndarray, y: np.ndarray):
     return fit(model, whole, x, begun_states(model, x, whole), most=12), one
 
 
+@pytest.mark.slow
 def test_a_load_that_grows_is_found_with_its_size_and_foretells_thirds_that_no_fit_saw():
     begun, one = found(*slide(DRIFT, gusts(0.005, 1)))
     told = drifting_load(begun, [one], map, lambda: False)
@@ -82,12 +83,14 @@ def test_a_load_that_grows_is_found_with_its_size_and_foretells_thirds_that_no_f
     assert told.with_it < 0.6 * told.without
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gusts_alone_are_no_drift(seed):
     begun, one = found(*slide(0.0, gusts(0.05, seed)))
     assert drifting_load(begun, [one], map, lambda: False) is None
 
 
+@pytest.mark.slow
 def test_nothing_is_told_once_the_work_is_used_or_under_a_sweep():
     begun, one = found(*slide(DRIFT, gusts(0.0, 1)))
     assert drifting_load(begun, [one], map, lambda: True) is None

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 from units_truth import RATE, record
 
 from seod.cli import app
@@ -17,6 +16,7 @@ from seod.data import Recording
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.budget import EFFORTS
+from tests.command_line import CliRunner
 
 CASES = {
     "clean": {},
@@ -37,7 +37,7 @@ OF_Y = {"K_L", "rms_from_measured", "rms_from_fitted"}
 @pytest.fixture(autouse=True)
 def little(monkeypatch):
     """Less than a quick search: the units are asked for, not the causes."""
-    monkeypatch.setitem(EFFORTS, "quick", 0.05)
+    monkeypatch.setitem(EFFORTS, "quick", 0.02)
 
 
 def told(u, y, per_metre):

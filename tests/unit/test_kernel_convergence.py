@@ -47,6 +47,7 @@ def test_the_order_is_four_through_all_events(names):
     assert errors[2] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [(17.0, 117.0, 0.21), (17.0, 145.0, 0.45), (17.0, 60.0, 0.8)], ids=str)
 def test_a_tenth_of_the_substep_changes_less_than_the_tolerance(plant):
     changes = {}
@@ -64,6 +65,7 @@ def test_a_reading_of_speed_converges_likewise(name):
     assert apart(coarse, fine) < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names", [(), ("valve_lag", "coulomb_friction"), ("square_root_flow", "backlash")], ids=str
 )
