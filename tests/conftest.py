@@ -9,6 +9,7 @@ looked for at the end of each module.
 from __future__ import annotations
 
 import asyncio
+import gc
 import inspect
 import os
 import threading
@@ -44,6 +45,15 @@ settings.register_profile("repeated", derandomize=True)
 settings.register_profile("new")
 settings.load_profile(os.environ.get("SEOD_EXAMPLES", "repeated"))
 """Examples of hypothesis are the same in each run; `make fuzz` looks for new ones."""
+
+gc.disable()  # while tests are collected: all of that stays, and to look through it takes a seventh of it
+
+
+def pytest_collection_finish() -> None:
+    """From here on, without what stays."""
+    gc.freeze()
+    gc.enable()
+
 
 drivers.entry_points = cache(drivers.entry_points)
 """Packages stay the same while tests run: to look through them takes half of the reading of a rig file."""
