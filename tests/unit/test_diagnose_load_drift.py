@@ -1,5 +1,6 @@
 """A load that grows with time: told of one run of a recording, where thirds that no fit saw are foretold."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,7 @@ def slide(drift: float, gusts: np.ndarray, period: float = 4.0) -> tuple[np.ndar
             force = LAG * (K_L * u[k] - v) - load
             if v == 0.0 and abs(force) <= FRICTION:
                 continue
-            against = np.sign(v) if v else np.sign(force)
+            against = math.copysign(1.0, v or force)
             after = v + step * (force - FRICTION * against)
             after = 0.0 if v * after < 0.0 else after
             y += 0.5 * step * (v + after)
