@@ -41,10 +41,10 @@ MARK = "SEOD_TEST_PROCESS"
 
 os.environ[MARK] = str(os.getpid())
 
-settings.register_profile("repeated", derandomize=True)
-settings.register_profile("new")
+settings.register_profile("repeated", derandomize=True, deadline=None)
+settings.register_profile("new", deadline=None)
 settings.load_profile(os.environ.get("SEOD_EXAMPLES", "repeated"))
-"""Examples of hypothesis are the same in each run; `make fuzz` looks for new ones."""
+"""Examples of hypothesis are the same in each run; `make fuzz` looks for new ones. None has a deadline."""
 
 gc.disable()  # while tests are collected: all of that stays, and to look through it takes a seventh of it
 
