@@ -21,18 +21,23 @@ def signed_root(drop: float) -> float:
 
 @cache
 def legendre(n):
-    return special.legendre(n)
+    """The polynomial and its slope."""
+    polynomial = special.legendre(n)
+    return polynomial, polynomial.deriv()
 
 
 class Effects:
     """Values by effect and parameter; what is not given is null."""
 
     def __init__(self, given):
-        self._given = given
+        self._values = {
+            (name, each.name): given.get(name, {}).get(each.name, each.null)
+            for name, effect in EFFECTS.items()
+            for each in effect.parameters
+        }
 
     def __call__(self, name: str, parameter: str) -> float:
-        null = next(each.null for each in EFFECTS[name].parameters if each.name == parameter)
-        return self._given.get(name, {}).get(parameter, null)
+        return self._values[name, parameter]
 
 
 class Laws:
@@ -42,6 +47,7 @@ class Laws:
         self.K_L, self.omega_n, self.zeta, self.start = K_L, omega_n, zeta, start
         self.of = Effects(effects or {})
         self.inertia = self.of("load_resonance", "inertia")
+        self.drifts = "parameter_drift" in (effects or {})
         self.supply, self.warmth, self.force = 1.0, 0.0, 0.0
 
     def spring(self, y):
@@ -60,6 +66,8 @@ class Laws:
             slow = self.of("parameter_drift", name) * (t - self.start)
             return max(0.05, 1.0 + slow + self.of("parameter_drift", name + "_thermal") * self.warmth)
 
+        if not self.drifts:
+            return self.K_L, self.omega_n, self.zeta
         return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
 
     def worth(self, volts):
@@ -131,7 +139,9 @@ class Laws:
         along = (y - self.of(name, "centre")) / self.of(name, "half")
         z, value, rises = min(max(along, -1.0), 1.0), 0.0, 0.0
         for n in range(2, 7):
-            polynomial = legendre(n)
-            value += self.of(name, f"order_{n}") * polynomial(z)
-            rises += self.of(name, f"order_{n}") * polynomial.deriv()(z)
+            size = self.of(name, f"order_{n}")
+            if size:
+                polynomial, slope = legendre(n)
+                value += size * polynomial(z)
+                rises += size * slope(z)
         return value + rises * (along - z), rises / self.of(name, "half")

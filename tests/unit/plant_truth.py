@@ -243,7 +243,7 @@ class Plant(Laws):
         scale = np.array([1.0, speed * self.omega_n, speed, place, speed, place, place, place, self.omega_n])
         run = solve_ivp(
             self.slope(side), (self.t, t_end), self.w, method="DOP853", rtol=RTOL, atol=1e-12 * scale,
-            events=events, dense_output=True, max_step=0.2 / self.omega_n,
+            events=events, dense_output=len(times) > 0, max_step=0.2 / self.omega_n,
         )  # fmt: skip
         for k in np.flatnonzero((np.asarray(times) >= self.t) & (np.asarray(times) <= run.t[-1])):
             readings[k] = self.reading(run.sol(times[k]))

@@ -90,7 +90,7 @@ def rows(loop: Loop, seconds: float) -> list[Row]:
     noise = rng.standard_normal(count) * loop.noise * scale
     lost = rng.random(count) < loss if (loss := loop.loss) else np.zeros(count, bool)
     state = np.array([loop.start * scale, 0.0, 0.0])
-    moves = _Moves(loop)
+    moves, most = _Moves(loop), loop.clip * scale
     pending: list[tuple[float, float]] = []  # (when it acts, voltage)
     acting, now, u, y, t = 0.0, times[0], E_A, 0.0, times[0]
     out = []
@@ -101,7 +101,7 @@ def rows(loop: Loop, seconds: float) -> list[Row]:
         pending = [p for p in pending if p[0] > times[k]]
         state, now = moves.go(state, acting - loop.load, times[k] - now), times[k]
         if not lost[k]:
-            t, y = float(times[k]), float(np.clip(state[0] + noise[k], -loop.clip * scale, loop.clip * scale))
+            t, y = float(times[k]), min(max(float(state[0] + noise[k]), -most), most)
             y = loop.step * scale * round(y / (loop.step * scale)) if loop.step else y
             u = E_A if -y > loop.hysteresis * scale else -E_A if -y < -loop.hysteresis * scale else u
         leaves = float(times[k] + loop.delay * loop.tick)

@@ -15,13 +15,13 @@ import pandas as pd
 import polars as pl
 import pytest
 from diagnosis_example import example
-from typer.testing import CliRunner
 
 import seod
 import seod.diagnose.command as command_module
 from seod.cli import app
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.machine import limits
+from tests.command_line import CliRunner
 
 K_L, OMEGA_N, ZETA = 12.0, 60.0, 0.4
 TICK = 1e-3
@@ -409,7 +409,7 @@ from seod.cli import app
 sweep.save("sweep.csv")
 simulated = ["simulate", str(rig.path), "--out", "b.csv", "--duration", "0.2"]
 responded = ["response", "sweep.csv", "--period", "0.5", "--plot", "bode.png"]
-diagnosed = ["diagnose", "run.csv", "--effort", "quick", "--between", "0:1", "--out", "named"]
+diagnosed = ["diagnose", "sweep.csv", "--effort", "quick", "--between", "0:1", "--out", "named"]
 for words in (["info", "run.csv"], ["identify", "run.csv"], simulated, responded, diagnosed):
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, (words, done.output)

@@ -269,7 +269,7 @@ def test_simulated_recordings_are_the_same_in_each_run_and_can_be_asked(tmp_path
 @pytest.mark.parametrize(("kind", "options"), [("diagnose", {"effort": "quick"}), ("response", {})])
 def test_an_answer_in_a_batch_is_that_of_the_python_interface(tmp_path, monkeypatch, kind, options):
     monkeypatch.undo()  # the real questions
-    write_recordings(tmp_path / "recordings", 1, 3000)
+    write_recordings(tmp_path / "recordings", 1, 1500)
     with Batch(kind, [tmp_path / "recordings"], tmp_path / "out", options) as batch:
         outcome = batch.run(Here())
     assert outcome.failures == {}

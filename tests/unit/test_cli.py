@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from fake_loop import eventually, running
 from typer import BadParameter
-from typer.testing import CliRunner
 
 from seod import __version__
 from seod.cli import app
 from seod.commands.over_tcp import read_assignments
 from seod.files.shipped import configs_dir
 from seod.terminal import text
+from tests.command_line import CliRunner
 
 VIRTUAL = configs_dir() / "virtual.yaml"
 
@@ -133,6 +133,7 @@ def test_a_reader_that_leaves_ends_a_command_without_a_word(words):
     assert with_a_reader_that_leaves(*words, lines=0) == (-signal.SIGPIPE, "")
 
 
+@pytest.mark.slow
 async def test_a_reader_that_leaves_ends_watch_without_a_word():
     async with running() as run:
         words = ["watch", "--rate", "1000", "--port", run.port]

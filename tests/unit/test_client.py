@@ -20,6 +20,7 @@ def free_port():
         return server.getsockname()[1]
 
 
+@pytest.mark.slow
 async def test_the_readmes_five_lines():
     async with running() as run:
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import jsonschema
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -81,11 +80,14 @@ def test_effects_within_their_ranges_survive_the_way_to_the_kernel(effects: dict
 
 @pytest.mark.slow
 def test_editors_know_each_effect_with_its_ranges() -> None:
+    import jsonschema  # a second of processor time
+
     schema = rig_schema()
-    jsonschema.validate(parse(with_effects("backlash: {gap: 0.01}")).value, schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.validate(parse(with_effects("backlash: {gap: 0.01}")).value)
     for line in ("backlash: {gab: 0.01}", "backlash: {gap: -1}", "backlsh: {gap: 1}"):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(parse(with_effects(line)).value, schema)
+            validator.validate(parse(with_effects(line)).value)
     gap = schema["$defs"]["backlash"]["properties"]["gap"]
     assert "[unit] the whole gap" in gap["description"]
 

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
-from typer.testing import CliRunner
 
 from drivers.base import DriverError
 from drivers.replay import ReplayDriver, ReplayOptions
@@ -20,6 +19,7 @@ from seod.data import ReadError, open_source, read
 from seod.files.damage import DamagedError, bounded, heard, library, plain
 from seod.record.mcap_records import records, unpacked
 from seod.record.read import RecordingError, beginning, items
+from tests.command_line import CliRunner
 from tests.damage.blows import BLOWS, damaged
 from tests.damage.files import CAN_COLUMNS, DBC, ROWS, sound_files
 from tests.damage.trial import Complaints, outcome, uses
@@ -266,6 +266,7 @@ def test_every_command_says_it_in_one_sentence(arguments, kind, sound, tmp_path,
     assert line.startswith(f"seod: {path}: ")
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_inside_and_as_before_after():
     before = resource.getrlimit(resource.RLIMIT_DATA)
     with pytest.raises(MemoryError), bounded(0), bounded(1 << 20):

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from record_rows import rows
 from test_data_formats import write_mcap
-from typer.testing import CliRunner
 
 from seod.cli import app
 from seod.data import ReadError, open_source, read
@@ -29,6 +28,7 @@ from seod.data.show import as_text, picture
 from seod.data.source import Column, Group, Table
 from seod.data.summary import Envelope, summarize
 from seod.files.shipped import configs_dir
+from tests.command_line import CliRunner
 
 FORMATS = ("csv", "parquet", "mat", "mdf")
 SUFFIX = {"csv": "csv", "parquet": "parquet", "mat": "mat", "mdf": "mf4"}
@@ -274,6 +274,7 @@ def fonts():
     figure.savefig(io.BytesIO())
 
 
+@pytest.mark.slow
 def test_info_and_its_plot(exported, tmp_path, fonts):
     code, out, _ = invoke("info", exported / "a.mf4", "--plot", tmp_path / "a.png")
     assert code == 0

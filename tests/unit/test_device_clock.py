@@ -145,6 +145,7 @@ MESSAGES = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(messages=st.lists(MESSAGES, max_size=60))
 def test_whatever_times_a_board_tells_samples_are_neither_early_nor_older_than_the_bound(
@@ -164,6 +165,7 @@ def test_whatever_times_a_board_tells_samples_are_neither_early_nor_older_than_t
     assert all(math.isnan(sd) or 0.0 <= sd < math.inf for sd in (clock.jitter.sd, clock.jitter.arrival_sd))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     steps=st.lists(

@@ -26,6 +26,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.record.windows import Cut, cut
 from seod.diagnose.result import Account, Unexplained, Yardstick
+from seod.diagnose.search.budget import EFFORTS
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.verdict.unexplained import systematic_part
 
@@ -93,6 +94,7 @@ def driven(request):
     return u, plain, dragged[2] - plain[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_noise_of_any_colour_is_not_systematic(driven, memory):
     u, states, effect = driven
@@ -256,7 +258,8 @@ def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)  # a whole diagnosis, on a busy machine
-def test_coloured_noise_is_no_cause():
+def test_coloured_noise_is_no_cause(monkeypatch):
+    monkeypatch.setitem(EFFORTS, "quick", 0.05)  # the blind tests search on; here the account is asked for
     u = multisine()
     y = linear(u)
     record = replace(recording(u, y), y=y + coloured(0.95, 0.02 * float(np.std(y))))

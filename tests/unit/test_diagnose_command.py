@@ -12,7 +12,6 @@ import pytest
 from diagnosis_example import K_L, LEVEL, command, example, simulate
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import seod.diagnose.command as command_module
 from seod.api.data import pair as rising
@@ -23,6 +22,7 @@ from seod.diagnose.command import Options, command_line, output_of, unit_of
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.files.shipped import configs_dir
+from tests.command_line import CliRunner
 
 VIRTUAL = configs_dir() / "virtual.yaml"
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from drivers.can_config import CanOptions
 from seod.cli import app
@@ -23,6 +22,7 @@ from seod.diagnose.extend.seen import seen
 from seod.files.shipped import configs_dir
 from seod.simulate.view import AxisView
 from sim.can_rig import CanRig
+from tests.command_line import CliRunner
 
 EFFECTS = {"coulomb_friction": {"level": 400.0}, "valve_deadband": {"half_width": 0.05}}
 VIRTUAL = configs_dir() / "virtual.yaml"
@@ -58,6 +58,7 @@ def recorded(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_new_rig_swings_as_the_recording(recorded, tmp_path):
     found = seen(read(recorded, units="y=rad"), speed=False)
     assert (found.relay, found.e_a, found.bias) == (True, 0.5, 0.0)
@@ -110,6 +111,7 @@ def test_the_limits_leave_room_for_the_limit_cycle(zeta, recorded, tmp_path):
     assert np.ptp(data.y) < limits.amplitude
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [0.02, 0.8])
 def test_so_do_those_of_a_speed(zeta, tmp_path):
     out, path = tmp_path / "speed.csv", tmp_path / "extended.yaml"

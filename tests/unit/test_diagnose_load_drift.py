@@ -1,5 +1,6 @@
 """A load that grows with time: told of one run of a recording, where thirds that no fit saw are foretold."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,7 @@ def slide(drift: float, gusts: np.ndarray, period: float = 4.0) -> tuple[np.ndar
             force = LAG * (K_L * u[k] - v) - load
             if v == 0.0 and abs(force) <= FRICTION:
                 continue
-            against = np.sign(v) if v else np.sign(force)
+            against = math.copysign(1.0, v or force)
             after = v + step * (force - FRICTION * against)
             after = 0.0 if v * after < 0.0 else after
             y += 0.5 * step * (v + after)
@@ -72,6 +73,7 @@ def found(u: np.ndarray, y: np.ndarray):
     return fit(model, whole, x, begun_states(model, x, whole), most=12), one
 
 
+@pytest.mark.slow
 def test_a_load_that_grows_is_found_with_its_size_and_foretells_thirds_that_no_fit_saw():
     begun, one = found(*slide(DRIFT, gusts(0.005, 1)))
     told = drifting_load(begun, [one], map, lambda: False)
@@ -82,12 +84,14 @@ def test_a_load_that_grows_is_found_with_its_size_and_foretells_thirds_that_no_f
     assert told.with_it < 0.6 * told.without
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gusts_alone_are_no_drift(seed):
     begun, one = found(*slide(0.0, gusts(0.05, seed)))
     assert drifting_load(begun, [one], map, lambda: False) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 8])
 def test_gusts_with_a_trend_bend_each_third_their_own_way(seed):
     """Of twelve such slides these two had thirds that a drift foretold."""
@@ -95,6 +99,7 @@ def test_gusts_with_a_trend_bend_each_third_their_own_way(seed):
     assert drifting_load(begun, [one], map, lambda: False) is None
 
 
+@pytest.mark.slow
 def test_nothing_is_told_once_the_work_is_used_or_under_a_sweep():
     begun, one = found(*slide(DRIFT, gusts(0.0, 1)))
     assert drifting_load(begun, [one], map, lambda: True) is None

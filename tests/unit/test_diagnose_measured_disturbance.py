@@ -29,19 +29,20 @@ def moved(u, force, gain=GAIN):
     """Position of Eq. 1 with a force that runs straight on between samples, by Heun's method."""
     parts = 4
     h = 1.0 / RATE / parts
-    w, out = np.zeros(3), np.empty(N)
-    ends = np.r_[force[1:], force[-1]]
+    p = v = y = 0.0
+    out = np.empty(N)
+    ends, volts = np.r_[force[1:], force[-1]].tolist(), u.tolist()
 
-    def slope(w, volts, push):
-        p, v, _ = w
-        return np.array([OMEGA_N**2 * (K_L * volts - v) - 2.0 * ZETA * OMEGA_N * p, p + gain * push, v])
+    def slope(p, v, u, push):
+        return OMEGA_N**2 * (K_L * u - v) - 2.0 * ZETA * OMEGA_N * p, p + gain * push, v
 
-    for k in range(N):
-        out[k] = w[2]
+    for k, begin in enumerate(force.tolist()):
+        out[k] = y
         for i in range(parts):
-            push = force[k] + (ends[k] - force[k]) * np.array([i, i + 1]) / parts
-            first = slope(w, u[k], push[0])
-            w = w + 0.5 * h * (first + slope(w + h * first, u[k], push[1]))
+            push = begin + (ends[k] - begin) * i / parts, begin + (ends[k] - begin) * (i + 1) / parts
+            dp, dv, dy = slope(p, v, volts[k], push[0])
+            ep, ev, ey = slope(p + h * dp, v + h * dv, volts[k], push[1])
+            p, v, y = p + 0.5 * h * (dp + ep), v + 0.5 * h * (dv + ev), y + 0.5 * h * (dy + ey)
     return out
 
 

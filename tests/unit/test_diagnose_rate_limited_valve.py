@@ -41,7 +41,7 @@ class SlowValve:
         """One tick."""
         for _ in range(SUBTICKS):
             before, most = self.valve, self.rate * self.dt
-            self.valve += np.clip(u - self.valve, -most, most)
+            self.valve += min(max(u - self.valve, -most), most)
             self.w[3] = 0.5 * (before + self.valve)
             self.w = self.step @ self.w
 

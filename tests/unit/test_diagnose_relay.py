@@ -14,6 +14,7 @@ from relay_records import (
     WAVES,
     N,
     T,
+    grid_once,
     model_of,
     noise_of,
     recorded,
@@ -46,6 +47,17 @@ from seod.diagnose.starts.sizes import scales
 from sim.effects import EFFECTS
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def _same_grids(monkeypatch):
+    monkeypatch.setattr("seod.diagnose.search.screen.grid_plants", grid_once)
+
+
+@pytest.fixture
+def no_grid(monkeypatch):
+    """Where it takes seconds and nothing asks for it."""
+    monkeypatch.setattr("seod.diagnose.search.screen.grid_plants", lambda _: ())
 
 
 def test_fewer_samples_see_the_same_plant():
@@ -91,7 +103,7 @@ def test_where_in_its_play_a_load_was_at_rest_is_found():
     assert np.mean(left**2) < 1.2 * math.exp(noise_of("lost"))
 
 
-def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(monkeypatch):
+def test_other_plants_of_a_valley_are_tried_where_windows_are_fitted_unevenly(monkeypatch, no_grid):
     one = recorded("lost")[0]
     windows = segments(cut([one])[0]).only((0, 1))
     model = model_of(one, *LOST)
@@ -165,7 +177,7 @@ def test_what_is_but_a_gain_of_two_commands_is_not_tried():
     assert not set(searched_causes(replace(sizes, levels=2))) & hidden_by_relay().keys()
 
 
-def test_a_relay_s_plant_is_not_damped_beyond_what_shows():
+def test_a_relay_s_plant_is_not_damped_beyond_what_shows(no_grid):
     one, _ = recorded("stalls")
     found = screen(cut([one])[0], map, Budget(seconds=1e6))
     assert baseline(found.cut, False, {}).best.model.scales.damped == DAMPED_BY_RELAY

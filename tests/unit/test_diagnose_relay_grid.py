@@ -14,6 +14,7 @@ from relay_records import (
     STALLS,
     TRUTH,
     T,
+    grid_once,
     gridded,
     model_of,
     noise_of,
@@ -37,6 +38,11 @@ from sim.parameters import parameters
 pytestmark = pytest.mark.slow
 
 
+@pytest.fixture(autouse=True)
+def _same_grids(monkeypatch):
+    monkeypatch.setattr("seod.diagnose.search.screen.grid_plants", grid_once)
+
+
 @pytest.mark.parametrize(
     ("kind", "causes"),
     [
@@ -51,7 +57,7 @@ def test_the_grid_leads_to_the_cause(kind, causes):
     one, _ = recorded(kind)
     few = sparse(segments(cut([one])[0])).only((0, 1))
     model = model_of(one, *causes)
-    begun = [model.searched(each.values()) for each in grid_plants(few) if each.begins(causes)]
+    begun = [model.searched(each.values()) for each in gridded(kind) if each.begins(causes)]
     assert 2 <= len(begun) <= 14
     found = (fit(model, few, x, simulated_states(model, x, few), most=25) for x in begun)
     assert any(each.excess < 1.1 for each in found)
@@ -207,8 +213,9 @@ def test_bristles_are_tried_from_the_cells_of_plain_friction():
 def test_only_a_relay_has_cells():
     one, _ = recorded("stalls")
     budget = Budget(time.process_time, 1e6)
-    assert screen(cut([one])[0], map, budget).grid_plants
-    assert not screen(cut([replace(one, u=np.sin(7.0 * T), levels=len(T))])[0], map, budget).grid_plants
+    assert screen(segments(cut([one])[0]), map, budget).grid_plants
+    other = replace(one, u=np.sin(7.0 * T), levels=len(T))
+    assert not screen(segments(cut([other])[0]), map, budget).grid_plants
 
 
 def test_the_grid_takes_no_time_from_the_search(monkeypatch):

@@ -56,6 +56,7 @@ def pictures(html):
     return re.findall(r"<svg.*?</svg>", html, re.DOTALL)
 
 
+@pytest.mark.slow
 def test_it_is_well_formed_and_needs_nothing_from_outside(html):
     parser = Nesting()
     parser.feed(html)
@@ -68,10 +69,12 @@ def test_it_is_well_formed_and_needs_nothing_from_outside(html):
     assert "run &lt;1&gt;.csv" in html
 
 
+@pytest.mark.slow
 def test_numbers_are_numbers(html):
     assert not re.search(r"[ \"(]-?(nan|inf)", " ".join(pictures(html)))
 
 
+@pytest.mark.slow
 def test_it_says_what_was_found(html, found):
     assert headline(found).replace("<", "&lt;") in html
     assert "level = 250.0 ± 5.0 rad/s^2" in html
@@ -246,6 +249,7 @@ def test_ink_follows_the_page_so_that_a_dark_one_can_be_read():
     assert picture == Chart("t", "x", "y", [Curve(x, x, "measured"), Curve(x, -x, "baseline", BEFORE)]).svg()
 
 
+@pytest.mark.slow
 def test_a_narrow_page_scrolls_what_is_wide(html):
     assert 'name="viewport" content="width=device-width' in html
     assert html.count('<div class="scroll"><table') == html.count("<table") == 3

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import StateSpace, lsim
-from typer.testing import CliRunner
 
 from seod.cli import app
 from seod.data import Recording
 from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.search.budget import EFFORTS
+from tests.command_line import CliRunner
 
 pytestmark = pytest.mark.slow
 
@@ -45,11 +46,12 @@ def numbers(of):
     return of["K_L"], of["omega_n"], of["zeta"]
 
 
-def test_a_command_that_runs_straight_on_is_simulated_so():
+def test_a_command_that_runs_straight_on_is_simulated_so(monkeypatch):
     recording = recorded(speed=True, hold="first", plant=(12.0, 60.0, 0.4))
     told = diagnose([recording], (), Options("velocity", hold="first")).as_json()
     assert (told["verdict"], told["effects"]) == ("clean", [])
     assert numbers(told["baseline"]) == pytest.approx((12.0, 60.0, 0.4), rel=0.01)
+    monkeypatch.setitem(EFFORTS, "quick", 0.02)  # of the other its baseline is asked alone
     held = diagnose([recording], (), Options("velocity", effort="quick")).as_json()
     assert held["baseline"]["holdout_nrmse"] > 4.0 * told["baseline"]["holdout_nrmse"]
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 from units_truth import RATE, record
 
 from seod.cli import app
@@ -17,6 +16,7 @@ from seod.data import Recording
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.budget import EFFORTS
+from tests.command_line import CliRunner
 
 CASES = {
     "clean": {},

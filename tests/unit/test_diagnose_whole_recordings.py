@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -47,13 +48,13 @@ def motor(u):
     """Places of the motor under held commands, by small steps that stop where the speed passes zero."""
     fine, v, x, out = 20, 0.0, 0.0, []
     h = 1.0 / RATE / fine
-    for volts in u:
+    for volts in u.tolist():
         out.append(x)
         for _ in range(fine):
             push = GAIN * volts - VISCOUS * v - OFFSET
             if v == 0.0 and abs(push) <= LEVEL:
                 continue
-            direction = np.sign(v) if v != 0.0 else np.sign(push)
+            direction = math.copysign(1.0, v if v != 0.0 else push)
             new = v + h * (push - LEVEL * direction)
             v = 0.0 if v * new < 0.0 else new
             x += h * v

@@ -11,13 +11,13 @@ from functools import cache
 import numpy as np
 import pytest
 from diagnosis_example import LEVEL, command, simulate
-from typer.testing import CliRunner
 
 from seod.cli import app
 from seod.diagnose import pipeline
 from seod.diagnose.fitting.work import counted, spend, used_s
 from seod.diagnose.search.budget import EFFORTS, Budget
 from seod.diagnose.tuning.fitting import WORK
+from tests.command_line import CliRunner
 
 
 def test_a_simulation_counts_its_steps_and_rows():

@@ -120,6 +120,7 @@ def test_nonsense_is_no_plant_or_a_finite_one(measured, hysteresis, gain):
     assert plant is None or all(math.isfinite(x) for x in plant)
 
 
+@pytest.mark.slow
 @given(st.builds(Measured, _some, _some, _some, _some, _some), st.floats(0.0, 1.0), st.floats(0.01, 10.0))
 @example(Measured(0.5, 7.0, 1.875, 4.625, 2.75), 0.75, 3.0)
 def test_plausible_nonsense_is_no_plant_or_one_that_explains_it(measured, hysteresis, gain):

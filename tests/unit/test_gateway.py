@@ -55,6 +55,7 @@ async def test_info_says_what_runs_here():
     }
 
 
+@pytest.mark.slow
 async def test_estimates_carry_all_fields_and_null_for_what_is_undefined():
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["estimate"], axes=["motor"])
@@ -94,6 +95,7 @@ async def test_get_before_any_estimate_is_null():
         assert (await client.call("status"))["axes"]["motor"] == answer
 
 
+@pytest.mark.slow
 async def test_samples_follow_the_rows_in_order_and_none_is_missing():
     async with running(("pitch", "roll")) as run, peer(run) as client:
         await client.call("subscribe", topics=["sample"], axes=["roll"])
@@ -181,6 +183,7 @@ async def test_list_tells_what_can_be_asked_for():
 # ---- faults, silence, death
 
 
+@pytest.mark.slow
 async def test_a_fault_makes_the_estimate_void_and_says_why_until_the_reset():
     async with running() as run, peer(run) as client:
         await client.call("subscribe", topics=["estimate", "event"])
@@ -208,6 +211,7 @@ async def test_a_fault_makes_the_estimate_void_and_says_why_until_the_reset():
         assert state["fault"] is state["estimate"] is state["controller"] is None
 
 
+@pytest.mark.slow
 async def test_a_lost_state_event_is_made_up_for_by_the_rows():
     async with running() as run, peer(run) as client:
         run.loop.state = AxisState.EXCITING

@@ -7,7 +7,6 @@ from random import Random
 import numpy as np
 import pytest
 from test_hydraulics import MOTOR, ROD, merged, plant, run
-from typer.testing import CliRunner
 
 from drivers import driver_class
 from seod.cli import app
@@ -26,6 +25,7 @@ from sim.rig import SimulatedRig
 from sim.sensor_config import AdcTruth
 from sim.sensors import counted
 from sim.serial_rig import SerialRig
+from tests.command_line import CliRunner
 
 SERVO = configs_dir() / "servo-hydraulic.yaml"
 
@@ -78,6 +78,7 @@ def test_truth_in_velocity_mode_is_that_about_the_reference():
     assert at_speed > 2 * config.simulation.plants["motor"].zeta  # which is that at rest
 
 
+@pytest.mark.slow
 def test_simulate_writes_a_recording_and_its_truth(tmp_path):
     out = tmp_path / "run.csv"
     words = [

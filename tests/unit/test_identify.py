@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.signal import cont2discrete, lfilter, lsim, lti
-from typer.testing import CliRunner
 
 from seod.cli import app
 from seod.identify import IdentifyError, Record, UntoldError, identify
 from seod.identify.fit import at
+from tests.command_line import CliRunner
 
 OMEGA_N, ZETA, K_L, DELAY = 60.0, 0.4, 12.0, 0.003
 HOLDS = ("zero", "first")

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from relay_truth import E_A, K_L, Loop, amplitude_of, rows
-from typer.testing import CliRunner
 
 from seod.cli import app
+from tests.command_line import CliRunner
 
 LOOP = Loop(zeta=0.45, omega_n=145.0, noise=0.005, load=0.02)
 

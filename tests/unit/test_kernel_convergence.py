@@ -66,6 +66,7 @@ def test_a_linear_plants_steps_have_no_error(names, plant):
     assert apart(at(0.2, names, plant=plant), at(0.005, names, plant=plant)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [(17.0, 117.0, 0.21), (17.0, 145.0, 0.45), (17.0, 60.0, 0.8)], ids=str)
 def test_a_tenth_of_the_substep_changes_less_than_the_tolerance(plant):
     changes = {}
@@ -83,6 +84,7 @@ def test_a_reading_of_speed_converges_likewise(name):
     assert apart(coarse, fine) < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names", [(), ("valve_lag", "coulomb_friction"), ("square_root_flow", "backlash")], ids=str
 )

@@ -182,6 +182,7 @@ def linearised(record: np.ndarray, **at: float) -> SmallSignal:
         raise
 
 
+@pytest.mark.slow
 @given(plant=plants, effects=effects_of(), at=conditions, speed=speeds)
 def test_a_speed_and_the_command_that_makes_it_are_one_state(
     plant: dict[str, float], effects: Effects, at: dict[str, float], speed: float

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from seod.batch.executor import StoppedError
 from seod.cli import app
@@ -13,6 +12,7 @@ from seod.paper.bench import Bench, rig
 from seod.paper.daemon import Daemon, PaperError, middle
 from seod.paper.figures import PRINTED, answer, at_pressure, exponent, figure_4, kept, swept
 from seod.paper.findings import _largest, merged
+from tests.command_line import CliRunner
 
 pytestmark = pytest.mark.slow
 
@@ -191,13 +191,7 @@ def test_every_figure_is_the_same_numbers_again(short):
     assert first == again
 
 
-@pytest.fixture(scope="module")
-def fonts(tmp_path_factory):
-    """matplotlib opens its fonts once and keeps them."""
-    command.write(NUMBERS, tmp_path_factory.mktemp("fonts"))
-
-
-def test_pictures_numbers_and_page_are_the_same_bytes_twice(tmp_path: Path, fonts):
+def test_pictures_numbers_and_page_are_the_same_bytes_twice(tmp_path: Path):
     first, second = (command.write(NUMBERS, tmp_path / name) for name in ("a", "b"))
     assert set(NUMBERS) == set(command.WEIGHTS)
     assert {path.suffix for path in first} == {".svg", ".png", ".json", ".html"}

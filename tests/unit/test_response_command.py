@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
 from seod.calibrate.procedure import CalibrationError
 from seod.cli import app
@@ -22,6 +21,7 @@ from seod.respond.fit import Plant
 from seod.respond.live import Options, at_rest_afterwards, drive_all, measure, plan, room_of
 from seod.respond.predict import predict
 from seod.respond.relay import recorded
+from tests.command_line import CliRunner
 from tests.unit.flow_truth import Actuator, driven, relay_run
 
 if TYPE_CHECKING:

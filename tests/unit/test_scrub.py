@@ -240,6 +240,7 @@ def test_a_full_disk_leaves_the_recording_as_it_was(tmp_path, monkeypatch):
     assert [each.name for each in tmp_path.iterdir()] == ["a.mcap"]
 
 
+@pytest.mark.slow
 def test_what_others_have_exported_is_looked_at(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t,u,y\n" + "".join(f"{k},{k},{k}\n" for k in range(100)))

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 import seod.config.upgrade
 import seod.launch.last_neutral
@@ -21,6 +20,7 @@ from seod.config.upgrade import UpgradeError, upgraded
 from seod.launch.last_neutral import REPEATS, write_neutral
 from seod.observe.rig import tell_journal
 from seod.processes import journal
+from tests.command_line import CliRunner
 
 REPO = Path(__file__).parents[2]
 CAN = REPO / "configs" / "can.yaml"

@@ -14,7 +14,6 @@ from statistics import fmean
 import numpy as np
 import pytest
 from relay_truth import settings
-from typer.testing import CliRunner
 
 from seod.cli import app
 from seod.config.load import load_rig, load_text
@@ -23,6 +22,7 @@ from seod.estimate.base import Row
 from seod.files.shipped import configs_dir
 from seod.simulate.options import EXCITATIONS
 from seod.simulate.view import AxisView
+from tests.command_line import CliRunner
 
 LINEAR_RIGS = sorted(p for p in configs_dir().glob("*.yaml") if "hydraulic" not in p.stem)
 """Those whose limit cycle is that of small movements at any amplitude; test_hydraulics has the others."""

@@ -64,6 +64,7 @@ def test_the_defaults_hold_the_truth_whatever_the_latency(zeta, omega_n, latency
     assert 0.5 < math.sqrt(np.mean(np.square(z))) < 1.5
 
 
+@pytest.mark.slow
 def test_windows_that_share_no_sample_narrow_the_interval():
     zeta, omega_n = PLANTS[1]
     feed = untold(rows(Loop(zeta, omega_n, 1.5, noise=0.01, seed=3), 2.0), 1.0)
