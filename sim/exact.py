@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from sim import physics
-from sim.compiled import Record, compiled, inlined
+from sim.compiled import Record, compiled
 
 SAME = 1e-10
 """Part by which two steps may differ in length and have the same factors: a recording's rows differ by the
@@ -20,7 +20,7 @@ COST = 0.25
 """Of a step, over a Runge-Kutta step. Measured: 17 ns in place of 65 (`bench/kernel.py`)."""
 
 
-@inlined
+@compiled
 def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
     """The state `h` [s] after `z`, in its order (`physics.rates`); no event is within."""
     pressure, velocity, position, velocity2, position2, bristle, lagged = z
@@ -50,7 +50,7 @@ def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, .
     return after, speeds, position + goes, *second, bristle, lagged
 
 
-@inlined
+@compiled
 def _flow(p: Record, s: Record, h: float) -> tuple[float, float, float, float]:
     """Flow through the valve: what stays, what fades [unit/s], how fast [1/s], what of it is left then."""
     lag = p.valve_lag_time
@@ -63,7 +63,7 @@ def _flow(p: Record, s: Record, h: float) -> tuple[float, float, float, float]:
     return p.K_L * stays, p.K_L * fading, 1.0 / lag, halfway * halfway
 
 
-@inlined
+@compiled
 def _factors(p: Record, s: Record, h: float) -> tuple[float, float, float]:
     """`physics.oscillation` of the load, and the area under its second; kept for two lengths of step.
 

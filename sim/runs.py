@@ -62,7 +62,7 @@ def _due(p: Record, s: Record, t: float) -> float:
     return due if due > s.taken + 0.5 * hold else math.inf
 
 
-@inlined
+@compiled
 def _go_on(p: Record, s: Record, t: float, noise: float) -> None:
     """Bring the state to `t` [s]; on the way a sensor that holds its readings takes the one that is due."""
     due = _due(p, s, t)

@@ -210,7 +210,8 @@ def _input(given: Data) -> GivenInput:
             raise ValueError(f"--input {given}: {why}")
         return read_input(Path(given))
     table = dict(given) if hasattr(given, "items") else {name: given[name] for name in given.columns}
-    there = {str(name): np.asarray(column, np.float64) for name, column in table.items()}
+    # copied: for the read-only columns of a DataFrame the kernel would be compiled once more
+    there = {str(name): np.array(column, np.float64) for name, column in table.items()}
     if missing := [name for name in ("t", "u") if name not in there]:
         raise ValueError(f"input: no column {', '.join(missing)}; there are {', '.join(there) or 'none'}")
     if len(there["t"]) < 2 or not np.all(np.diff(there["t"]) > 0.0):
