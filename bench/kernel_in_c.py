@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 CONSTANTS = {
     "SAME": exact.SAME,
+    "SMALL": exact.SMALL,
+    "TERMS": exact.TERMS,
     "COST": exact.COST,
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,

@@ -44,11 +44,6 @@ static bool swings(const Plant *p) {
   return p->spool_inertia_omega < INFINITY && p->valve_lag_time > 0.0 && !limited;
 }
 
-static double opens(const Plant *p, double spool) {
-  const double from_centre = spool - p->null_shift_voltage;
-  return fabs(from_centre) < p->valve_deadband_half_width ? 0.0 : 1.0 + copysign(p->asymmetric_gain_ratio, from_centre);
-}
-
 static double oscillation(double d, double square, double h, double *odd) {
   const double beyond = d * d - square;
   if (beyond > 0.0) {

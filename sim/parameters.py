@@ -44,9 +44,6 @@ PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 ACCURACY = 0.1
 """Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
 
-NEAR = 1e-6
-"""Part by which a lag may come near to a rate of the oil and the load: nearer, differences lose digits."""
-
 
 SHORTEST = 1e-3
 """Of substeps that an orifice near its largest pressure asks for, over the longest."""
@@ -113,6 +110,7 @@ def nulls() -> dict[str, float]:
 _CHANGING = ("parameter_drift", "pressure_dependent_stiffness")
 _NULLS = {**BASE, **nulls()}
 _ANOTHER_EQUATION = (
+    "valve_lag_time",
     "load_resonance_inertia",
     "load_spring_stiffness",
     "load_bias_drift",
@@ -161,16 +159,7 @@ def is_linear(p: Mapping[str, float]) -> bool:
     """
     if not p["zeta"] > 0.0 or any(p[name] != 0.0 for name in _ANOTHER_EQUATION):
         return False
-    if min(p["square_root_flow_supply"], p["valve_rate_limit_rate"], p["spool_inertia_omega"]) < INF:
-        return False
-    return p["valve_lag_time"] == 0.0 or not _as_quick(p["valve_lag_time"], p["omega_n"], p["zeta"])
-
-
-def _as_quick(lag: float, omega_n: float, zeta: float) -> bool:
-    """Whether a lag is one of the load's own, or of the oil's that a standing load presses."""
-    rate, square, leaks = 1.0 / lag, omega_n * omega_n, 2.0 * zeta * omega_n
-    of_load = abs(rate * (rate - leaks) + square) / (rate * (rate + leaks) + square)
-    return min(of_load, abs(rate - leaks) / (rate + leaks)) < NEAR
+    return p["square_root_flow_supply"] == INF and p["valve_rate_limit_rate"] == INF
 
 
 def fastest_rate(record: npt.NDArray[np.void]) -> float:

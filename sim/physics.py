@@ -52,15 +52,6 @@ def opening(p: Record, spool: float) -> float:
 
 
 @compiled
-def opens(p: Record, spool: float) -> float:
-    """How much more a spool opens that goes on: slope of `opening`."""
-    from_centre = spool - p.null_shift_voltage
-    if abs(from_centre) < p.valve_deadband_half_width:
-        return 0.0
-    return 1.0 + math.copysign(p.asymmetric_gain_ratio, from_centre)
-
-
-@compiled
 def spool_at(p: Record, s: Record, h: float) -> float:
     """The spool `h` [s] from now [V]."""
     lag, rate = p.valve_lag_time, p.valve_rate_limit_rate

@@ -44,13 +44,13 @@ STATE = np.dtype(
             "kept_omega_n",  # [rad/s] and the zeta of the plant that the following belong to (`sim.exact`)
             "kept_zeta",
             "kept_h",  # [s] length of a step, and its factors
-            "kept_even",
-            "kept_odd",
+            "kept_answer",
             "kept_area",
+            "kept_volume",
             "spare_h",  # those of another length
-            "spare_even",
-            "spare_odd",
+            "spare_answer",
             "spare_area",
+            "spare_volume",
             "steps",  # Runge-Kutta steps so far: what the simulation costs
         )
     ]

@@ -25,8 +25,8 @@ def at(accuracy, names, sees_speed=False, plant=(17.0, 117.0, 0.21)):
     [
         ("load_spring", "parameter_drift"),
         ("load_resonance",),
-        ("load_spring", "valve_lag", "valve_deadband"),
-        ("load_spring", "valve_lag", "asymmetric_gain"),
+        ("valve_lag", "valve_deadband"),
+        ("valve_lag", "asymmetric_gain"),
         ("spool_inertia", "valve_deadband"),
         ("spool_inertia", "asymmetric_gain"),
         ("valve_rate_limit", "valve_deadband"),
@@ -50,10 +50,9 @@ def test_the_order_is_four_through_all_events(names):
     "names",
     [
         (),
-        ("valve_lag", "valve_deadband"),
-        ("valve_lag", "asymmetric_gain", "null_shift"),
+        ("valve_hysteresis", "valve_deadband"),
+        ("asymmetric_gain", "null_shift"),
         ("coulomb_friction",),
-        ("coulomb_friction", "valve_lag"),
         ("transport_delay", "null_shift", "backlash"),
         ("end_stops",),
         ("end_stops", "coulomb_friction", "valve_deadband"),
