@@ -28,6 +28,8 @@ SECONDS = 5.0
 TOLERANCE = 1e-6
 LEAST_SHARE = 1e-8
 """Of shares, which add up to 1: of one that is nearly none no six digits can be told."""
+LEAST_DELAY = 1e-8 / RATE
+"""[s] Of delays likewise: one of a few millionths of a row is none."""
 SPENT = "the search ended before"
 """Rounding may take a fit one step more, and so much work is left that it is told or not."""
 OF_Y = {"K_L", "rms_from_measured", "rms_from_fitted"}
@@ -85,7 +87,8 @@ def apart(a, b):
 def close(a, b, place):
     if place == ".account.detectable_nrmse":  # one of a few sizes, each twice the last: rounding may decide
         return 0.4 < a / b < 2.5
-    return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=LEAST_SHARE if place.startswith(".account") else 0.0)
+    least = LEAST_SHARE if place.startswith(".account") else LEAST_DELAY if place.endswith(".delay") else 0.0
+    return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=least)
 
 
 @pytest.mark.slow
