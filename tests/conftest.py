@@ -15,14 +15,12 @@ import os
 import threading
 import time
 from collections import Counter
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
-import drivers
 from tests.stolen import pytest_runtest_protocol, pytest_terminal_summary  # noqa: F401 - hooks
 
 if TYPE_CHECKING:
@@ -53,10 +51,6 @@ def pytest_collection_finish() -> None:
     """From here on, without what stays."""
     gc.freeze()
     gc.enable()
-
-
-drivers.entry_points = cache(drivers.entry_points)
-"""Packages stay the same while tests run: to look through them takes half of the reading of a rig file."""
 
 
 def open_descriptors() -> Found:
