@@ -1,8 +1,9 @@
 """The kernel: the reduced hydraulic plant with all effects, integrated from event to event.
 
 Equations and tolerance are in `docs/model.md`. Between two commands the spool moves as an exact
-ramp, exponential or damped oscillation. Pressure, load and sensor are integrated by the classic fourth-order
-Runge-Kutta method in substeps of at most `substep`. A substep in which something switches (the load stops,
+ramp, exponential or damped oscillation. Where oil and load are linear a step is exact (`sim.exact`);
+else pressure, load and sensor are integrated by the classic fourth-order Runge-Kutta method, in substeps of
+at most `substep`. A substep in which something switches (the load stops,
 sticks, breaks away, meets an end stop or the other flank of the backlash, or the measurement passes the
 relay's threshold) is cut there: the right-hand side is smooth within each piece, so that the order of the
 method holds.

@@ -44,7 +44,6 @@ PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 ACCURACY = 0.1
 """Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
 
-
 SHORTEST = 1e-3
 """Of substeps that an orifice near its largest pressure asks for, over the longest."""
 

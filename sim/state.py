@@ -51,7 +51,7 @@ STATE = np.dtype(
             "spare_answer",
             "spare_area",
             "spare_volume",
-            "steps",  # Runge-Kutta steps so far: what the simulation costs
+            "steps",  # Runge-Kutta steps so far, an exact one a part of one: what the simulation costs
         )
     ]
 )

@@ -72,7 +72,7 @@ def follow_windows(
         _begin(p, v, s, start[w])
         given = reached
         for k in range(first[w], last[w]):
-            # written out, not `condition`: each array that is handed on costs two locked instructions a row
+            # written out, as in `sim.runs`: each array that is handed on costs two locked instructions a row
             if len(supply):
                 s.supply = supply[k]
             if len(warmth):
