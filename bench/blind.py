@@ -157,7 +157,9 @@ def main() -> None:
 
 
 def _read(path: Path) -> list[dict]:
-    return [json.loads(row) for row in path.read_text().splitlines()] if path.exists() else []
+    """Lines of the file; of `bench/ablation.py`'s those with all rules on."""
+    lines = [json.loads(row) for row in path.read_text().splitlines()] if path.exists() else []
+    return [each for each in lines if each.get("off") is None]
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from hidden_score import outcome, parameters
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.result import DiagnoseError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 LATE = "no answer in time"
 
@@ -42,8 +45,23 @@ class Wanted(NamedTuple):
     limit: int
 
 
-def hidden(wanted: Wanted) -> dict | str:
-    """The record's line of the results; why there is none, where its cause cannot be seen."""
+def told(path: Path, output: str) -> tuple[dict, dict]:
+    """What the diagnosis says of a file, as JSON, and what it took."""
+    before = process_time()
+    try:
+        said = diagnose([read(path)], (), Options(output=output)).as_json()
+    except DiagnoseError as error:
+        said = {"verdict": f"refused: {error}", "effects": []}
+    return said, {"seconds": process_time() - before}
+
+
+def hidden(wanted: Wanted, ask: Callable[[Path, str], tuple[dict, dict]] = told) -> dict | str:
+    """The record's line of the results; why there is none, where its cause cannot be seen.
+
+    Args:
+        wanted: Which record.
+        ask: Gives the answer to a file, and what is to stand in the line beside it.
+    """
     number, kind, causes, excitation, noise, duration = wanted[:6]
     try:
         case = draw(number, kind, causes, excitation, None, noise, duration)
@@ -51,34 +69,27 @@ def hidden(wanted: Wanted) -> dict | str:
         return str(error)
     how = rough(case) if wanted.rough else None
     with tempfile.TemporaryDirectory() as folder:
-        return line(case, *answer(case, Path(folder), wanted.limit, how), how)
+        return line(case, *answer(case, Path(folder), wanted.limit, how, ask), how)
 
 
-def answer(case: Case, folder: Path, limit: int, how: Rough | None = None) -> tuple[dict, float]:
-    """What the diagnosis says of the case's file, and what it took [s of processor time].
-
-    In a process of its own, which the kernel ends at the limit.
-    """
+def answer(
+    case: Case, folder: Path, limit: int, how: Rough | None, ask: Callable[[Path, str], tuple[dict, dict]]
+) -> tuple[dict, dict]:
+    """What `ask` gives for the case's file, in a process of its own, which the kernel ends at the limit."""
     path = folder / "run.csv"
     write(make_record(case) if how is None else make_rough_record(case, how), path)
     output = "velocity" if case.rig.sees_speed else "position"
-    with ProcessPoolExecutor(1, get_context("fork")) as pool:
+    with ProcessPoolExecutor(1, get_context("fork"), _bounded, (limit,)) as pool:
         try:
-            return pool.submit(_told, path, output, limit).result()
+            return pool.submit(ask, path, output).result()
         except BrokenProcessPool:
-            return {"verdict": LATE, "effects": []}, float(limit)
+            return {"verdict": LATE, "effects": []}, {"seconds": float(limit)}
         except (ValueError, ArithmeticError) as error:
-            return {"verdict": f"broke off: {error}", "effects": []}, math.nan
+            return {"verdict": f"broke off: {error}", "effects": []}, {"seconds": math.nan}
 
 
-def _told(path: Path, output: str, limit: int) -> tuple[dict, float]:
+def _bounded(limit: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
-    before = process_time()
-    try:
-        told = diagnose([read(path)], (), Options(output=output)).as_json()
-    except DiagnoseError as error:
-        told = {"verdict": f"refused: {error}", "effects": []}
-    return told, process_time() - before
 
 
 def _told_by_file(case: Case) -> dict:
@@ -110,9 +121,9 @@ def _told_by_rough_file(case: Case, how: Rough) -> dict:
     }
 
 
-def line(case: Case, told: dict, seconds: float, how: Rough | None = None) -> dict:
+def line(case: Case, said: dict, beside: dict, how: Rough | None = None) -> dict:
     truth = _told_by_file(case) if how is None else _told_by_rough_file(case, how)
-    judged = told if how is None else how.forgiven(case.causes, told)
+    judged = said if how is None else how.forgiven(case.causes, said)
     return {
         "rough": None if how is None else how.as_json(),
         "number": case.number,
@@ -126,13 +137,12 @@ def line(case: Case, told: dict, seconds: float, how: Rough | None = None) -> di
         "effects": case.rig.effects,
         "defects": case.defects,
         "outcome": outcome(case.kind, case.causes, judged),
-        "verdict": told["verdict"],
-        "named": [each["name"] for each in told["effects"]],
-        "as_well": [each["indistinguishable_from"] for each in told["effects"]],
+        "verdict": said["verdict"],
+        "named": [each["name"] for each in said["effects"]],
+        "as_well": [each["indistinguishable_from"] for each in said["effects"]],
         "parameters": parameters(truth, judged),
-        "before": (told.get("baseline") or {}).get("holdout_nrmse"),
-        "after": (told.get("extended") or {}).get("holdout_nrmse"),
-        "floor": told.get("noise_floor_nrmse"),
-        "found_plant": [(told.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
-        "seconds": seconds,
-    }
+        "before": (said.get("baseline") or {}).get("holdout_nrmse"),
+        "after": (said.get("extended") or {}).get("holdout_nrmse"),
+        "floor": said.get("noise_floor_nrmse"),
+        "found_plant": [(said.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
+    } | beside
