@@ -15,6 +15,7 @@ from hidden_relay import relay
 from numba import njit
 
 SPOOL, PRESSURE, SPEED, ANGLE, SPEED2, ANGLE2, BRISTLE, LAGGED, SPOOL_SPEED = range(9)
+STATES = 9
 
 SETTLES = 0.5
 """Step over the time constant in which bristles bend as far as they do at a speed, at most."""
@@ -130,11 +131,15 @@ def load_torque(p, t, w, gust):
         + p.hardening * y * y * y
         + p.drag * w[SPEED] * abs(w[SPEED])
     )
-    return torque - p.ripple * math.sin(p.ripple_omega * t + p.ripple_phase) - p.gusts * gust + shaft
+    if p.ripple != 0.0:
+        torque -= p.ripple * math.sin(p.ripple_omega * t + p.ripple_phase)
+    return torque - p.gusts * gust + shaft
 
 
 @njit(cache=True, error_model="numpy")
 def level(p, speed):
+    if p.stribeck == 0.0:
+        return p.coulomb
     return p.coulomb + p.stribeck * math.exp(-((speed / p.stribeck_speed) ** 2))
 
 
@@ -185,7 +190,8 @@ def oil_slope(p, t, w, supply):
     omega, zeta = 1.0 + p.drift_omega * t, 1.0 + p.drift_zeta * t
     q = flow(p, w[SPOOL], w[PRESSURE], supply, 1.0 + p.drift_gain * t)
     compliance = p.compliance / omega**2 * (1.0 + p.air / supply**2) / (1.0 + p.air)
-    compliance *= math.exp(p.volume * w[ANGLE])
+    if p.volume != 0.0:
+        compliance *= math.exp(p.volume * w[ANGLE])
     beyond = w[PRESSURE] - clip(w[PRESSURE], -p.opens, p.opens)
     leak = p.leakage * (zeta / omega * w[PRESSURE] + p.relief * beyond)
     return (q - p.displacement * w[SPEED] - leak) / compliance
@@ -243,22 +249,27 @@ def stick_or_slide(p, m, w, supply, gust):
 
 @njit(cache=True, error_model="numpy")
 def heun(p, m, w, h, supply, gust, k):
-    slope(p, m, m.t, w, supply, gust, k[0])
-    k[2] = w + h * k[0]
-    slope(p, m, m.t + h, k[2], supply, gust, k[1])
-    w += 0.5 * h * (k[0] + k[1])
+    first, second, trial, _ = k
+    slope(p, m, m.t, w, supply, gust, first)
+    for n in range(STATES):  # whole rows would be new arrays at each step
+        trial[n] = w[n] + h * first[n]
+    slope(p, m, m.t + h, trial, supply, gust, second)
+    for n in range(STATES):
+        w[n] += 0.5 * h * (first[n] + second[n])
     m.t += h
 
 
 @njit(cache=True, error_model="numpy")
 def step(p, m, w, h, supply, gust, k):
     """Heun's method, halted where sliding ends; then what jumps: the play and whether the load sticks."""
-    k[3], begin = w, m.t
+    start, begin = k[3], m.t
+    for n in range(STATES):
+        start[n] = w[n]
     heun(p, m, w, h, supply, gust, k)
-    before = k[3, SPEED]
+    before = start[SPEED]
     if p.bristle_stiffness == 0.0 and m.slides * before > 0.0 and m.slides * w[SPEED] < 0.0:
         part = before / (before - w[SPEED])
-        w[:], m.t = k[3], begin
+        w[:], m.t = start, begin
         heun(p, m, w, part * h, supply, gust, k)
         w[SPEED] = 0.0
         stick_or_slide(p, m, w, supply, gust)
@@ -331,7 +342,8 @@ def run(p, m, w, t, seen_at, u, kind, c, noise, supply, gusts, latency, longest,
 
     Relay: amplitude, bias, cycles, reference, hysteresis; servo: gain, and the references in `u`.
     """
-    k4, memory, given, looked = np.zeros((4, 9)), np.zeros(8), 0, -1.0
+    k4 = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
+    memory, given, looked = np.zeros(8), 0, -1.0
     for k in range(len(t)):
         look = seen_at[k]
         if p.keeps > 0.0:
