@@ -183,15 +183,19 @@ def _fair(case: Case) -> Case:
     if not moves(seen, noise) or (relay and chatters(u, quiet)):
         raise Invisible(f"{case.causes}: the load is stuck, or the relay follows the noise")
     left = {
-        name: _left_of(case, name, seen - random, u) / noise for name in case.causes if name not in DEFECTS
+        name: _left_of(case, name, seen - random, u, LEAST * noise) / noise
+        for name in case.causes
+        if name not in DEFECTS
     }
     if min(left.values(), default=LEAST) < LEAST:
         raise Invisible(str(case.causes))
     return replace(case, noise=noise, visible=case.visible | left)
 
 
-def _left_of(case: Case, cause: str, y, u) -> float:
+def _left_of(case: Case, cause: str, y, u, seen: float) -> float:
     """The rms that is left of a cause in this record, without noise; beside a coarse sensor before rounding.
+
+    Exact from `seen` on: less is not looked into.
 
     Rounding makes both sides jump: no refit gets hold of it, and a twentieth of a step looks like a fifth.
     """
@@ -203,7 +207,7 @@ def _left_of(case: Case, cause: str, y, u) -> float:
     if alone < LEAST * case.noise_part * float(np.std(detrend(y))):
         return alone
     if case.kind == "unlisted":
-        return min(alone, left_by_list(case.rig, known(case.number), y, u, case.t, **given))
+        return min(alone, left_by_list(case.rig, known(case.number), y, u, case.t, seen, **given))
     return alone if case.kind == "one" else left_beside(case.rig, cause, y, u, case.t, **given)
 
 

@@ -9,6 +9,7 @@ a constant bias are taken out as in `hidden_baseline`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -100,8 +101,11 @@ def left_beside(rig: Rig, cause: str, y, u, t, **given) -> float:
     return Refit(rig, rest, y, u, t, **given).left()
 
 
-def left_by_list(rig: Rig, listed, y, u, t, **given) -> float:
-    """The least rms that the plant with one listed effect leaves, in the record's first seconds."""
+def left_by_list(rig: Rig, listed, y, u, t, enough: float = 0.0, **given) -> float:
+    """The least rms that the plant with one listed effect leaves, in the record's first seconds.
+
+    Below `enough` that of the first effect which leaves so little.
+    """
     rows = t < TRIED_S
     y, u, t = y[rows], u[rows], t[rows]
     z = sizes(y, u, float(t[1] - t[0]), sees_speed=rig.sees_speed)
@@ -115,4 +119,9 @@ def left_by_list(rig: Rig, listed, y, u, t, **given) -> float:
             parts = {f"order_{n}": 0.1 * STRENGTH * z.span for n in range(2, 7)}
             effects[cause] = parts | {"centre": 0.5 * float(np.max(y) + np.min(y)), "half": 0.5 * z.span}
         tried.append(effects)
-    return min(Refit(rig, effects, y, u, t, **given).left(6) for effects in tried)
+    least = math.inf
+    for effects in tried:
+        least = min(least, Refit(rig, effects, y, u, t, **given).left(6))
+        if least < enough:
+            break
+    return least
