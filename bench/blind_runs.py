@@ -140,6 +140,7 @@ def line(case: Case, said: dict, beside: dict, how: Rough | None = None) -> dict
         "verdict": said["verdict"],
         "named": [each["name"] for each in said["effects"]],
         "as_well": [each["indistinguishable_from"] for each in said["effects"]],
+        "p_values": [each["p_value"] for each in said["effects"]],
         "parameters": parameters(truth, judged),
         "before": (said.get("baseline") or {}).get("holdout_nrmse"),
         "after": (said.get("extended") or {}).get("holdout_nrmse"),

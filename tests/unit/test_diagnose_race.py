@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -19,7 +20,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments, sparse
 from seod.diagnose.search.beam import survivors
 from seod.diagnose.search.budget import EFFORTS, Budget
-from seod.diagnose.search.race import Entrant, Runner, best_starts, extended, promising
+from seod.diagnose.search.race import Entrant, Runner, _few_of_each, best_starts, extended, promising
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import _rough, baseline
 from seod.diagnose.starts.sizes import scales
@@ -70,6 +71,14 @@ def test_of_each_set_the_best_is_grown_and_of_some_a_second_plant():
         *some[: BEAM.width],
         *seconds[: BEAM.second_plants],
     ]
+
+
+def test_of_each_cause_the_starts_that_promise_most_are_tried():
+    one, two = fitted(0.0), fitted(0.1)
+    few = [Entrant(one, "backlash", {"backlash.gap": 0.1 * k}) for k in range(RACE.starts_of_a_cause + 2)]
+    ranked = [few[0], Entrant(one, "valve_lag", {}), *few[1:], Entrant(two, "backlash", {})]
+    left_out = few[RACE.starts_of_a_cause :]
+    assert _few_of_each(ranked) == [each for each in ranked if each not in left_out]
 
 
 def test_of_a_contact_another_plant_goes_on_too():
@@ -140,7 +149,11 @@ def test_what_promises_most_is_tried_first_and_starts_far_away_soon(late):
     names = ["load_bias", "asymmetric_gain", "parameter_drift", "coulomb_friction", "valve_deadband"]
     begun = entrants(parent, [*names, *DELAYS, "valve_saturation", "square_root_flow"])
     tried = promising(screened, begun)
-    assert sorted(map(id, tried)) == sorted(map(id, begun))
+    near = Counter(one.name for one in begun if not remote(one.start))
+    assert Counter(one.name for one in tried if not remote(one.start)) == {
+        name: min(count, RACE.starts_of_a_cause) for name, count in near.items()
+    }
+    assert [one for one in begun if remote(one.start)] == [one for one in tried if remote(one.start)]
     assert tried[0].name in DELAYS
     far = [k for k, one in enumerate(tried) if remote(one.start)]
     assert far == list(range(RACE.first_tried, RACE.first_tried + len(far)))

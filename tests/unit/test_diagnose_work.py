@@ -28,6 +28,12 @@ def test_a_simulation_counts_its_steps_and_rows():
     )
 
 
+def test_steps_with_an_orifice_count_as_what_they_take():
+    before = used_s()
+    spend(1000.0, 0, orifice=True)
+    assert used_s() - before == pytest.approx(1e-9 * (WORK.simulation_ns + 1000 * WORK.orifice_step_ns))
+
+
 @pytest.mark.parametrize("workers", [1, 2, 7])
 def test_each_task_sees_its_own_work_and_all_of_it_counts(workers):
     def task(rows):

@@ -39,6 +39,7 @@ def inside(record: NDArray[np.void], cut: Cut, start: Array) -> tuple[Array, Arr
 
 def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> tuple[Array, Array]:
     seen, within = [], []
+    orifice = bool(np.isfinite(record[0]["square_root_flow_supply"]))
     for one, own, first, last, reach in cut.runs:
         valve = new_state(record, float(min(one.t[0], one.t_u[0])))
         load = valve.copy()
@@ -48,7 +49,7 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         given = *one.drive, one.t, one.supply, one.warmth, one.force
         limit = SIMULATION.gone_beyond * reach
         follow_windows(record, valve, load, *given, first, last, start[own], limit, y, z)
-        work.spend(float(load["steps"][0]), int(np.sum(last - first)))
+        work.spend(float(load["steps"][0]), int(np.sum(last - first)), orifice=orifice)
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]
         within += [z[a:b] for a, b in zip(first, last, strict=True)]
     return np.concatenate(seen), np.concatenate(within)

@@ -24,9 +24,10 @@ Made = TypeVar("Made")
 _used_ns: ContextVar[int] = ContextVar("used_ns", default=0)
 
 
-def spend(steps: float, rows: int) -> None:
-    """Count one simulation of so many steps and rows."""
-    _used_ns.set(_used_ns.get() + WORK.simulation_ns + WORK.step_ns * int(steps) + WORK.row_ns * rows)
+def spend(steps: float, rows: int, *, orifice: bool = False) -> None:
+    """Count one simulation of so many steps and rows; steps with an orifice take longer."""
+    step_ns = WORK.orifice_step_ns if orifice else WORK.step_ns
+    _used_ns.set(_used_ns.get() + WORK.simulation_ns + step_ns * int(steps) + WORK.row_ns * rows)
 
 
 def used_s() -> float:

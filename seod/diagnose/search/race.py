@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -127,8 +128,20 @@ def promising(screen: Screen, some: Iterable[Entrant]) -> list[Entrant]:
         return entrant.parent.cost - ahead[id(entrant.parent)].promise(entrant.name, entrant.start).saves
 
     ranked = sorted(zip(screen.parallel(cost, near), range(len(near)), strict=True))
-    near = [near[k] for _, k in ranked]
+    near = _few_of_each([near[k] for _, k in ranked])
     return near[: RACE.first_tried] + far + near[RACE.first_tried :]
+
+
+def _few_of_each(ranked: Sequence[Entrant]) -> list[Entrant]:
+    """Of each parent's every cause the starts that promise most."""
+    count: Counter[tuple[int, str]] = Counter()
+    out = []
+    for one in ranked:
+        of = id(one.parent), one.name
+        count[of] += 1
+        if count[of] <= RACE.starts_of_a_cause:
+            out.append(one)
+    return out
 
 
 def _on_few(screen: Screen, parent: Fitted) -> Fitted:

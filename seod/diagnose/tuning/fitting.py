@@ -178,8 +178,11 @@ class Work:
     """What simulating costs, in time of a usual machine."""
 
     step_ns: int = 65
-    """[ns] A Runge-Kutta step of the kernel. Measured: 62 in eight diagnoses on an idle machine. One with
-    the square root of an orifice or with a spool takes twice that."""
+    """[ns] A Runge-Kutta step of the kernel. Measured: 62 in eight diagnoses on an idle machine. One with a
+    spool takes a fifth more, with a Stribeck curve half as much more."""
+    orifice_step_ns: int = 165
+    """[ns] One with the square root of an orifice. Measured: 135 to 165 in two diagnoses. Counted as others,
+    records that look like orifices took 120 s of processor time and more."""
     row_ns: int = 35
     """[ns] A row's residual, and its part of derivatives and normal equations. Measured: as `step_ns`,
     33."""
