@@ -13,6 +13,7 @@ from plant_truth import PLACE, Plant
 
 from seod.config.load import load_rig
 from seod.data import Recording
+from seod.diagnose.causes.sensor import OVER_PLACE
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
@@ -186,7 +187,7 @@ def test_two_commands_do_not_tell_a_bias_from_unequal_gains(effect, other):
     assert len(rival.x) == len(own.x)
 
 
-@pytest.mark.parametrize(("waves", "none"), [(1.25, True), (3.0, False)])
+@pytest.mark.parametrize(("waves", "none"), [(OVER_PLACE.fewest, True), (3.0, False)])
 def test_the_longest_ripple_is_none(searched, waves, none):
     begun, screened = searched
     model = begun.model.with_effect("position_ripple")
