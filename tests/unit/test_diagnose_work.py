@@ -10,13 +10,18 @@ from functools import cache
 
 import numpy as np
 import pytest
+from diagnose_truth import K_L, OMEGA_N, ZETA, linear, multisine, recording
 from diagnosis_example import LEVEL, command, simulate
 
 from seod.cli import app
 from seod.diagnose import pipeline
+from seod.diagnose.fitting import simulate as simulated
 from seod.diagnose.fitting.work import counted, spend, used_s
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut
 from seod.diagnose.search.budget import EFFORTS, Budget
 from seod.diagnose.tuning.fitting import WORK
+from sim.parameters import parameters
 from tests.command_line import CliRunner
 
 
@@ -32,6 +37,20 @@ def test_steps_with_an_orifice_count_as_what_they_take():
     before = used_s()
     spend(1000.0, 0, orifice=True)
     assert used_s() - before == pytest.approx(1e-9 * (WORK.simulation_ns + 1000 * WORK.orifice_step_ns))
+
+
+@pytest.mark.parametrize(
+    ("effects", "orifice"), [({}, False), ({"square_root_flow": {"supply": 900.0}}, True)]
+)
+def test_a_simulation_says_whether_it_has_an_orifice(monkeypatch, effects, orifice):
+    spent = []
+    monkeypatch.setattr("seod.diagnose.fitting.work.spend", lambda *_, **how: spent.append(how))
+    u = multisine(4000)
+    seen = cut([series(recording(u, linear(u)))])[0]
+    start = np.zeros((len(seen.windows), simulated.STATES))
+    simulated.simulate(parameters(K_L, OMEGA_N, ZETA, effects), seen, start)
+    assert spent
+    assert all(how == {"orifice": orifice} for how in spent)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7])
