@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, further_causes
+from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
-from seod.diagnose.fitting.uncertainty import covariance, p_value, reaches_null
+from seod.diagnose.fitting.uncertainty import covariance, reaches_null
 from seod.diagnose.search.refine import refined
-from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
 
@@ -98,23 +97,14 @@ def thinned(
 
 
 def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
-    """The set without each effect that has no share, whose size may be none, or that may gain by chance."""
+    """Of effects that have no share, or whose size may be none, the set without each."""
     spread = covariance(own.found)
     return [
         one
         for name, one in rest.items()
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
         or (gain(one, own) < PRUNE.surely and _may_be_none(own, name, spread))
-        or _by_chance(name, one, own)
     ]
-
-
-def _by_chance(name: str, fewer: Judged, more: Judged) -> bool:
-    """Whether a cause may foretell what it does by chance: where more than noise is left, that bends fits."""
-    if not EFFECTS[name].cause or more.held.adequacy <= HELD_OUT.adequate:
-        return False
-    tried = len(further_causes(more.found.model.scales, ()))
-    return p_value(fewer.held, more.held, tried) > PRUNE.by_chance
 
 
 def _may_be_none(own: Judged, name: str, spread: Array) -> bool:

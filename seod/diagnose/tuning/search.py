@@ -94,9 +94,6 @@ class Prune:
     least_share: float = 5e-4
     """[-] Of the baseline's squared error above the noise that has to come back without an effect: less
     is 0 %. Chosen."""
-    by_chance: float = 0.01
-    """[-] p-value from which on an effect that leaves more than noise is not named. Chosen: less than the
-    usual twentieth, since what is left, such as gusts, makes neighbouring parts of a window alike."""
     surely: float = 1.0
     """[-] Mean log squared error that an effect saves, from which on its size is not none, whatever its
     interval says: that takes the curve between its size and none for straight. Chosen."""
