@@ -1,4 +1,4 @@
-"""One effect more: every cause tried from every start, the promising ones fitted further."""
+"""One effect more: every cause tried from its best starts, the promising ones fitted further."""
 
 from __future__ import annotations
 
@@ -117,7 +117,10 @@ def _from_grid(screen: Screen, parent: Fitted, but: Sequence[str]) -> list[Entra
 
 
 def promising(screen: Screen, some: Iterable[Entrant]) -> list[Entrant]:
-    """Those that promise the least cost first, few of them before starts far away: these promise none."""
+    """Of each cause those that promise the least cost, the best first, few before starts far away.
+
+    Starts far away promise none, and are all kept.
+    """
     far, near = list[Entrant](), list[Entrant]()
     for one in some:
         (far if remote(one.start) else near).append(one)
