@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim import exact, kernel, physics, runs, substep
-from sim.effects import MAP_KNOTS
 from sim.parameters import PARAMETERS
 from sim.runs import RELAY
 from sim.state import STATE
@@ -32,7 +31,6 @@ CONSTANTS = {
     "MOST_EVENTS": kernel.MOST_EVENTS,
     "HALVINGS": substep.HALVINGS,
     "ON_TIME": runs.ON_TIME,
-    "MAP_KNOTS": MAP_KNOTS,
 }
 ROWS = ctypes.c_long
 

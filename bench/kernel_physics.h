@@ -10,18 +10,26 @@ static inline double min(double a, double b) { return b < a ? b : a; }
 static inline double max(double a, double b) { return b > a ? b : a; }
 static inline double clip(double x, double low, double high) { return min(max(x, low), high); }
 
-static double through(double s, double first, double second, double third) {
-  const double begins = first * s * (2.0 - s) + second * 0.5 * s * (s - 1.0);
-  const double ends = 0.5 * (first * (s - 3.0) + third * (s - 1.0)) * (s - 2.0) - second * (s - 1.0) * (s - 3.0);
-  return begins + clip(s - 1.0, 0.0, 1.0) * (ends - begins);
+static double corner(double s, double at, double rounding) {
+  const double half = rounding * min(at, 1.0 - at);
+  if (s <= at - half) return 0.0;
+  if (s >= at + half) return s - at;
+  return (s - at + half) * (s - at + half) / (4.0 * half);
+}
+
+static double cornered(const Plant *p, double s, double first, double second, double end) {
+  const double at_1 = p->static_valve_map_knot_1, at_2 = p->static_valve_map_knot_2;
+  const double begins = first / at_1, goes_on = (second - first) / (at_2 - at_1);
+  const double ends = (end - second) / (1.0 - at_2), rounding = p->static_valve_map_rounding;
+  return begins * s + (goes_on - begins) * corner(s, at_1, rounding) + (ends - goes_on) * corner(s, at_2, rounding);
 }
 
 static double mapped(const Plant *p, double volts) {
   if (p->static_valve_map_range == INFINITY) return volts;
-  const double s = min(MAP_KNOTS * fabs(volts) / p->static_valve_map_range, MAP_KNOTS);
-  const double bend = through(s, p->static_valve_map_bend_1, p->static_valve_map_bend_2, 0.0);
+  const double s = min(fabs(volts) / p->static_valve_map_range, 1.0);
+  const double bend = cornered(p, s, p->static_valve_map_bend_1, p->static_valve_map_bend_2, 0.0);
   const double tilt =
-      through(s, p->static_valve_map_tilt_1, p->static_valve_map_tilt_2, p->static_valve_map_tilt_3);
+      cornered(p, s, p->static_valve_map_tilt_1, p->static_valve_map_tilt_2, p->static_valve_map_tilt_3);
   return volts + (volts < 0.0 ? -bend : bend) + tilt;
 }
 

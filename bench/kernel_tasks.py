@@ -23,7 +23,7 @@ NOTHING = np.empty(0)
 EXAMPLES = {
     "transport_delay": {"time": 1.3e-3},
     "valve_saturation": {"limit": 0.4},
-    "static_valve_map": {"bend_1": 0.02, "bend_2": -0.01, "tilt_2": 0.01, "range": 0.5},
+    "static_valve_map": {"bend_1": 0.02, "bend_2": -0.01, "tilt_2": 0.01, "range": 0.5, "rounding": 0.5},
     "valve_hysteresis": {"half_width": 0.05},
     "valve_lag": {"time": 2e-3},
     "spool_inertia": {"omega": 700.0},

@@ -52,7 +52,7 @@ class Effect:
         equivalent: What cannot be told from it, and under which conditions; "" if nothing is known.
         cause: Whether a diagnosis may name it; the others only make truths to be found.
         counts_as: The cause by whose name a diagnosis answers it; "" by its own.
-        parts: Whether each of its parameters is a size of its own; else the first is its size.
+        sizes: Parameters each of which is a size of its own; none: the first is its size.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Effect:
     equivalent: str = ""
     cause: bool = True
     counts_as: str = ""
-    parts: bool = False
+    sizes: tuple[str, ...] = ()
 
 
 INF = math.inf
@@ -76,8 +76,11 @@ unit, and what is found in one in um must be what is found in the same one in m.
 NEAR = 1.0 / FAR
 """Smallest where 0 is none: a um, in units of a Gm."""
 
-MAP_KNOTS = 3
-"""Of a valve's map to each side, evenly over its range."""
+MAP_BENDS, MAP_TILTS = ("bend_1", "bend_2"), ("tilt_1", "tilt_2", "tilt_3")
+"""What a valve's map adds at its corners, further out or of one sign; the last tilt at the range's end."""
+
+LEAST_BETWEEN_KNOTS = 0.01
+"""Of its range, between a map's corners: nearer ones are one corner."""
 
 _ALL = (
     Effect(
@@ -97,20 +100,25 @@ _ALL = (
     Effect(
         "static_valve_map",
         "valve",
-        "The valve's gain differs by level and direction: a smooth curve to either side of 0 V.",
+        "The valve's gain differs by level and direction: straight lines with rounded corners.",
         (
             *(
-                Parameter(f"bend_{k}", "V", 0.0, -FAR, FAR, f"further out at {k}/{MAP_KNOTS} of the range")
-                for k in range(1, MAP_KNOTS)
+                Parameter(name, "V", 0.0, -FAR, FAR, f"further out at the {which} corner, before rounding")
+                for name, which in zip(MAP_BENDS, ("first", "second"), strict=True)
             ),
             *(
-                Parameter(f"tilt_{k}", "V", 0.0, -FAR, FAR, f"added at {k}/{MAP_KNOTS} of it, either way")
-                for k in range(1, MAP_KNOTS + 1)
+                Parameter(name, "V", 0.0, -FAR, FAR, f"added at the {which}, either way")
+                for name, which in zip(MAP_TILTS, ("first corner", "second corner", "end"), strict=True)
             ),
-            Parameter("range", "V", INF, NEAR, INF, "command of the last knots; beyond them gain 1"),
+            Parameter("range", "V", INF, NEAR, INF, "command of the end; beyond it gain 1"),
+            Parameter("knot_1", "1", 1.0 / 3.0, 0.01, 0.98, "first corner, as part of the range"),
+            Parameter("knot_2", "1", 2.0 / 3.0, 0.02, 0.99, "second corner, as part of the range"),
+            Parameter(
+                "rounding", "1", 0.0, 0.0, 1.0, "0: sharp; 1: corners round to the nearer of 0 and the end"
+            ),
         ),
         "With a relay alone a gain and a load_bias; of few levels valve_deadband, asymmetric_gain.",
-        parts=True,
+        sizes=(*MAP_BENDS, *MAP_TILTS),
     ),
     Effect(
         "valve_hysteresis",
@@ -290,7 +298,7 @@ _ALL = (
             Parameter("half", "unit", 1.0, NEAR, FAR, "half of the travel; beyond it the curve is straight"),
         ),
         "A position_ripple of less than about one wave over the travel.",
-        parts=True,
+        sizes=tuple(f"order_{n}" for n in SENSOR_CURVE),
     ),
     Effect(
         "sensor_lag",
@@ -336,7 +344,7 @@ _ALL = (
             Parameter("omega_n_thermal", "1/K", 0.0, -1.0, 1.0, "of omega_n with temperature"),
             Parameter("zeta_thermal", "1/K", 0.0, -1.0, 1.0, "of zeta with temperature"),
         ),
-        parts=True,
+        sizes=("K_L", "omega_n", "zeta", "K_L_thermal", "omega_n_thermal", "zeta_thermal"),
     ),
     Effect(
         "outliers",
@@ -437,7 +445,12 @@ def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
         )
     knots = [place for place, value in values.items() if place.startswith("static_valve_map.") and value]
     if knots and "static_valve_map.range" not in values:
-        problems.append("static_valve_map needs a range: the command of its last knots")
+        problems.append("static_valve_map needs a range: the command of its end")
+    first, second = (values.get(f"static_valve_map.knot_{k}", k / 3.0) for k in (1, 2))
+    if second - first < LEAST_BETWEEN_KNOTS:
+        problems.append(
+            f"static_valve_map.knot_2 must be at least {LEAST_BETWEEN_KNOTS:g} above knot_1 ({first:g})"
+        )
     slowest = values.get("stribeck_friction.level", 0.0) / STEEPEST
     if values.get("stribeck_friction.speed", 1.0) < slowest:
         problems.append(f"stribeck_friction.speed must be at least {slowest:g}: its level / {STEEPEST:g}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from sim.compiled import Record, compiled, inlined
-from sim.effects import MAP_KNOTS
 
 LAMINAR = 1e-2
 """Relative pressure drop below which the orifice's flow is laminar: no infinite slope at zero."""
@@ -18,14 +17,24 @@ SETTLED = 1e-9
 
 
 @compiled
-def through(s: float, first: float, second: float, third: float) -> float:
-    """A smooth curve through 0 and three knots at 1, 2 and 3; `s` from 0 to 3.
+def corner(s: float, at: float, rounding: float) -> float:
+    """0 before `at`, a line of slope 1 beyond it, and between them a parabola, as wide as `rounding` says."""
+    half = rounding * min(at, 1.0 - at)
+    if s <= at - half:
+        return 0.0
+    if s >= at + half:
+        return s - at
+    return (s - at + half) ** 2 / (4.0 * half)
 
-    From the parabola through the first three of the four it goes over to that through the last three.
-    """
-    begins = first * s * (2.0 - s) + second * 0.5 * s * (s - 1.0)
-    ends = 0.5 * (first * (s - 3.0) + third * (s - 1.0)) * (s - 2.0) - second * (s - 1.0) * (s - 3.0)
-    return begins + min(max(s - 1.0, 0.0), 1.0) * (ends - begins)
+
+@compiled
+def cornered(p: Record, s: float, first: float, second: float, end: float) -> float:
+    """Straight lines from 0 through two knots to the range's end, with rounded corners; `s` from 0 to 1."""
+    at_1, at_2 = p.static_valve_map_knot_1, p.static_valve_map_knot_2
+    begins, goes_on, ends = first / at_1, (second - first) / (at_2 - at_1), (end - second) / (1.0 - at_2)
+    rounding = p.static_valve_map_rounding
+    turned = (goes_on - begins) * corner(s, at_1, rounding) + (ends - goes_on) * corner(s, at_2, rounding)
+    return begins * s + turned
 
 
 @compiled
@@ -33,9 +42,9 @@ def mapped(p: Record, volts: float) -> float:
     """What a command is worth by the valve's map [V]."""
     if p.static_valve_map_range == math.inf:
         return volts
-    s = min(MAP_KNOTS * abs(volts) / p.static_valve_map_range, float(MAP_KNOTS))
-    bend = through(s, p.static_valve_map_bend_1, p.static_valve_map_bend_2, 0.0)
-    tilt = through(s, p.static_valve_map_tilt_1, p.static_valve_map_tilt_2, p.static_valve_map_tilt_3)
+    s = min(abs(volts) / p.static_valve_map_range, 1.0)
+    bend = cornered(p, s, p.static_valve_map_bend_1, p.static_valve_map_bend_2, 0.0)
+    tilt = cornered(p, s, p.static_valve_map_tilt_1, p.static_valve_map_tilt_2, p.static_valve_map_tilt_3)
     return volts + (-bend if volts < 0.0 else bend) + tilt
 
 

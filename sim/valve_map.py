@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from sim.effects import MAP_KNOTS
+from sim.effects import MAP_BENDS, MAP_TILTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,18 +25,19 @@ class ValveMap:
     """
 
     def __init__(self, p: Mapping[str, float]) -> None:
-        self.range = p["static_valve_map_range"]
-        bends = [p[f"static_valve_map_bend_{k}"] for k in range(1, MAP_KNOTS)]
-        tilts = [p[f"static_valve_map_tilt_{k}"] for k in range(1, MAP_KNOTS + 1)]
-        self._bend, self._tilt = (0.0, *bends, 0.0), (0.0, *tilts)
+        of = {name: p[f"static_valve_map_{name}"] for name in (*MAP_BENDS, *MAP_TILTS, "range", "rounding")}
+        self.range, self._rounding = of["range"], of["rounding"]
+        self._at = (0.0, p["static_valve_map_knot_1"], p["static_valve_map_knot_2"], 1.0)
+        self._bend = (0.0, *(of[name] for name in MAP_BENDS), 0.0)
+        self._tilt = (0.0, *(of[name] for name in MAP_TILTS))
 
     def worth(self, volts: float) -> float:
         """Of a command [V]."""
         if math.isinf(self.range):
             return volts
-        s = min(MAP_KNOTS * abs(volts) / self.range, float(MAP_KNOTS))
-        bend = _through(s, self._bend)
-        return volts + (-bend if volts < 0.0 else bend) + _through(s, self._tilt)
+        part = min(abs(volts) / self.range, 1.0)
+        bend = self._through(part, self._bend)
+        return volts + (-bend if volts < 0.0 else bend) + self._through(part, self._tilt)
 
     def command(self, worth: float) -> float:
         """The command that is worth so much [V]; of a map that is flat there one of them."""
@@ -62,14 +64,21 @@ class ValveMap:
             2.0 * step
         )
 
+    def _through(self, part: float, knots: tuple[float, ...]) -> float:
+        """Straight lines through the knots, with rounded corners."""
+        places = list(pairwise(self._at))
+        slopes = [
+            (after - before) / (b - a)
+            for (a, b), (before, after) in zip(places, pairwise(knots), strict=True)
+        ]
+        turns = [after - before for before, after in pairwise(slopes)]
+        bent = zip(turns, self._at[1:3], strict=True)
+        return slopes[0] * part + sum(turn * _corner(part, at, self._rounding) for turn, at in bent)
 
-def _through(s: float, knots: tuple[float, ...]) -> float:
-    """A smooth curve through knots at 0, 1, 2 and 3: from the first three's parabola to the last three's."""
-    begins, ends = _parabola(s, knots[:3]), _parabola(s - 1.0, knots[1:])
-    return begins + min(max(s - 1.0, 0.0), 1.0) * (ends - begins)
 
-
-def _parabola(s: float, knots: tuple[float, ...]) -> float:
-    """Through three knots at 0, 1 and 2."""
-    first, second, third = knots
-    return first + s * (second - first) + 0.5 * s * (s - 1.0) * (third - 2.0 * second + first)
+def _corner(part: float, at: float, rounding: float) -> float:
+    """0 before `at`, a line of slope 1 beyond it, and between them a parabola, as wide as `rounding` says."""
+    half = rounding * min(at, 1.0 - at)
+    if part <= at - half:
+        return 0.0
+    return part - at if part >= at + half else (part - at + half) ** 2 / (4.0 * half)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import hidden_plant
 import numpy as np
 from hidden_plant import DEFAULTS, ENTRIES, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
-from scipy.interpolate import CubicHermiteSpline
 
 LONGEST = 4e-5
 """Step [s]; that of bristles, which are quick, is a quarter of it."""
@@ -92,14 +91,25 @@ def by_gains(told):
 
 
 def by_knots(told):
-    """The same of a map as the model has it: cubics with each knot's slope by its neighbours."""
-    places = np.arange(4) / 3.0 * told["range"]
-    given = np.linspace(-told["range"], told["range"], ENTRIES)
-    out = []
-    for knots in ([0.0, told["bend_1"], told["bend_2"], 0.0], [0.0, *(told[f"tilt_{k}"] for k in (1, 2, 3))]):
-        slopes = np.gradient(knots, places, edge_order=2)
-        out.append(CubicHermiteSpline(places, knots, slopes)(np.abs(given)))
-    return given, given + np.sign(given) * out[0] + out[1]
+    """The same of a map as the model has it: lines between knots, averaged over each corner's width."""
+    places = np.array([0.0, told["knot_1"], told["knot_2"], 1.0])
+    part = np.linspace(-1.0, 1.0, ENTRIES)
+    bends = [0.0, told["bend_1"], told["bend_2"], 0.0]
+    tilts = [0.0, *(told[f"tilt_{k}"] for k in (1, 2, 3))]
+    bend, tilt = (rounded(np.abs(part), places, each, told["rounding"]) for each in (bends, tilts))
+    given = told["range"] * part
+    return given, given + np.sign(given) * bend + tilt
+
+
+def rounded(part, places, knots, rounding):
+    """Straight lines through knots, each corner averaged over as much as `rounding` is of its room."""
+    slopes = np.diff(knots) / np.diff(places)
+    spread = np.linspace(-1.0, 1.0, 401)
+    out = slopes[0] * part
+    for at, turn in zip(places[1:3], np.diff(slopes), strict=True):
+        beyond = part[:, None] - at + rounding * min(at, 1.0 - at) * spread
+        out = out + turn * np.mean(np.maximum(beyond, 0.0), axis=1)
+    return out
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy import special
-from scipy.interpolate import CubicHermiteSpline
 
 from sim.effects import EFFECTS
 
@@ -71,22 +71,32 @@ class Laws:
         return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
 
     def worth(self, volts):
-        """Of a command, by the valve's map: cubics between its knots, with the slopes of their neighbours."""
+        """Of a command, by the valve's map: its slope is made of steps, each drawn out over its corner."""
         name, full = "static_valve_map", self.of("static_valve_map", "range")
         if math.isinf(full):
             return volts
-        places = np.arange(4) / 3.0 * full
+        places = np.array([0.0, self.of(name, "knot_1"), self.of(name, "knot_2"), 1.0])
         bends = [0.0, self.of(name, "bend_1"), self.of(name, "bend_2"), 0.0]
         tilts = [0.0, *(self.of(name, f"tilt_{k}") for k in (1, 2, 3))]
-        bend, tilt = (
-            float(
-                CubicHermiteSpline(places, each, np.gradient(each, places, edge_order=2))(
-                    min(abs(volts), full)
-                )
-            )
-            for each in (bends, tilts)
-        )
+        part = min(abs(volts) / full, 1.0)
+        bend, tilt = (self.drawn_out(places, each, part) for each in (bends, tilts))
         return volts + tilt + (bend if volts > 0.0 else -bend)
+
+    def drawn_out(self, places, knots, part):
+        """Integral of the slope from 0 to `part`: half of a corner's change lies before it, half behind."""
+        slopes, total = np.diff(knots) / np.diff(places), 0.0
+        widths = self.of("static_valve_map", "rounding") * np.minimum(places, 1.0 - places)[1:3]
+        breaks = np.unique(np.clip([0.0, part, *(places[1:3] - widths), *(places[1:3] + widths)], 0.0, part))
+        for low, high in pairwise(breaks):
+            middle = 0.5 * (low + high)
+            shares = [
+                float(middle > at)
+                if wide == 0.0
+                else float(np.clip(0.5 + 0.5 * (middle - at) / wide, 0.0, 1.0))
+                for at, wide in zip(places[1:3], widths, strict=True)
+            ]
+            total += (high - low) * (slopes[0] + np.dot(np.diff(slopes), shares))
+        return total
 
     def opening(self, spool, side):
         """Of the branch `side` of the overlap: -1, 0, 1."""

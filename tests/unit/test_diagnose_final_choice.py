@@ -16,7 +16,7 @@ from seod.diagnose.record.command_period import command_period_s, in_step, relay
 from seod.diagnose.record.series import Series
 from seod.diagnose.record.windows import Cut, cut, segments
 from seod.diagnose.search.budget import EFFORTS, Budget
-from seod.diagnose.search.final_choice import worse
+from seod.diagnose.search.final_choice import above_noise, worse
 
 T = np.arange(0.0, 25.0, 1e-3)
 
@@ -53,6 +53,13 @@ def test_of_a_coarse_sensor_only_what_lies_beyond_the_interval_of_a_reading_is_w
     assert true.nrmse > near.nrmse
     assert true.rms == 0.0 < near.rms
     assert not worse(SimpleNamespace(held=true, whole=1.0), SimpleNamespace(held=near, whole=2.0))
+
+
+def test_shares_are_parts_of_the_movement_where_the_baseline_errs_more_than_that():
+    """A baseline that had run away by four times the movement left a disturbance a share of nothing."""
+    assert above_noise(SimpleNamespace(nrmse=4.0, floor=0.01)) == pytest.approx(1.0 - 1e-4)
+    assert above_noise(SimpleNamespace(nrmse=0.3, floor=0.01)) == pytest.approx(0.09 - 1e-4)
+    assert above_noise(SimpleNamespace(nrmse=0.01, floor=0.02)) == 0.0
 
 
 def test_drift_of_a_whole_recording_does_not_count_where_only_noise_is_left():

@@ -12,7 +12,7 @@ import pytest
 from diagnose_truth import K_L, OMEGA_N, ZETA, linear, multisine, recording
 
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.causes.table import DELAYS, further_causes, group, plain_form, remote
+from seod.diagnose.causes.table import DELAYS, further_causes, group, plain_forms, remote
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit
 from seod.diagnose.fitting.model import baseline_model
@@ -40,15 +40,16 @@ def fitted(cost, *names, **plant):
 @pytest.mark.parametrize(
     ("names", "plain"),
     [
-        (["stribeck_friction"], {"coulomb_friction"}),
-        (["coulomb_friction", "lugre_friction", "backlash"], {"coulomb_friction", "backlash"}),
-        (["coulomb_friction", "stribeck_friction"], {"coulomb_friction"}),
-        (["backlash"], {"backlash"}),
-        ([], set()),
+        (["stribeck_friction"], [{"coulomb_friction"}]),
+        (["coulomb_friction", "lugre_friction", "backlash"], [{"coulomb_friction", "backlash"}]),
+        (["coulomb_friction", "stribeck_friction"], [{"coulomb_friction"}]),
+        (["static_valve_map"], [{"asymmetric_gain"}, {"valve_deadband"}, {"valve_saturation"}]),
+        (["backlash"], []),
+        ([], []),
     ],
 )
-def test_richer_forms_of_friction_have_a_plain_one(names, plain):
-    assert plain_form(names) == plain
+def test_richer_forms_have_plain_ones(names, plain):
+    assert plain_forms(names) == set(map(frozenset, plain))
 
 
 def test_plain_friction_is_grown_where_the_richer_form_saves_too_little():

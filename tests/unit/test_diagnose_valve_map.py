@@ -51,6 +51,7 @@ def test_a_gain_by_level_and_direction_is_named_with_its_map():
     assert np.max(np.abs(flow - true)) < 0.2 * np.max(np.abs(straight - true))
 
 
+AT_THIRDS = {"knot_1": 1.0 / 3.0, "knot_2": 2.0 / 3.0, "rounding": 0.0}
 PARTS = ("bend_1", "bend_2", "tilt_1", "tilt_2", "tilt_3")
 SIMPLER = {
     "valve_deadband": lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.15, 0.0),
@@ -67,7 +68,7 @@ def test_where_a_simpler_one_explains_as_much_it_is_named(name):
 
 
 def test_a_searched_map_does_not_fall():
-    parts = {"bend_1": 0.9, "bend_2": 0.0, "tilt_1": 0.2, "tilt_2": 0.0, "tilt_3": -0.3}
+    parts = {"bend_1": 0.9, "bend_2": 0.0, "tilt_1": 0.2, "tilt_2": 0.0, "tilt_3": -0.3} | AT_THIRDS
     effects = {"static_valve_map": dict(parts)}
     sizes = type("Sizes", (), {"volts": LARGEST})()
     STATIC_VALVE_MAP.within(effects, sizes)
@@ -78,10 +79,35 @@ def test_a_searched_map_does_not_fall():
     assert worth[-2] == pytest.approx(LARGEST * 2.0 / 3.0)
 
 
+SIZES_OF_PLAIN = {
+    "valve_deadband": {"valve_deadband.half_width": 0.15},
+    "asymmetric_gain": {"asymmetric_gain.ratio": 0.1},
+    "valve_saturation": {"valve_saturation.limit": 1.5},
+}
+
+
+@pytest.mark.parametrize("name", SIMPLER)
+def test_a_map_that_grew_from_a_simpler_cause_does_what_that_does(name):
+    plain, sizes = SIZES_OF_PLAIN[name], type("Sizes", (), {"volts": LARGEST})()
+    (form,) = [each for each in STATIC_VALVE_MAP.plain if each.name == name]
+    grown = form.grows({"K_L": K_L} | plain, sizes)
+    back = form.becomes(grown, sizes)
+    assert back == pytest.approx({place: ({"K_L": K_L} | plain)[place] for place in back})
+    values = {of.replace(".", "_"): value for of, value in grown.items()}
+    one = ValveMap(values | {"static_valve_map_range": LARGEST, "static_valve_map_rounding": 0.0})
+    for volts in LARGEST * np.linspace(-1.0, 1.0, 41):
+        assert grown["K_L"] * one.worth(volts) == pytest.approx(K_L * SIMPLER[name](volts), abs=1e-9)
+
+
 def test_the_map_in_plain_numbers_is_the_kernels():
     random = np.random.default_rng(2)
     for _ in range(20):
         parts = dict(zip(PARTS, random.uniform(-0.2, 0.2, len(PARTS)), strict=True)) | {"range": 1.3}
+        parts |= {
+            "knot_1": random.uniform(0.05, 0.5),
+            "knot_2": random.uniform(0.55, 0.9),
+            "rounding": random.uniform(),
+        }
         record = parameters(1.0, 50.0, 0.5, {"static_valve_map": parts})[0]
         plain = ValveMap({f"static_valve_map_{name}": value for name, value in parts.items()})
         for volts in (-2.0, -1.2, -0.7, -0.1, 0.0, 0.2, 0.5, 1.0, 1.4):
@@ -91,5 +117,6 @@ def test_the_map_in_plain_numbers_is_the_kernels():
 @pytest.mark.parametrize("worth", [-2.5, -1.1, 0.3, 2.6])
 def test_the_command_of_a_map_is_its_inverse(worth):
     parts = {"bend_1": 0.1, "bend_2": 0.1, "tilt_1": 0.1, "tilt_2": -0.1, "tilt_3": 0.2, "range": 2.0}
+    parts |= AT_THIRDS | {"rounding": 0.3}
     one = ValveMap({f"static_valve_map_{name}": value for name, value in parts.items()})
     assert one.worth(one.command(worth)) == pytest.approx(worth)

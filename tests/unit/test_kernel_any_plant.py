@@ -55,6 +55,9 @@ def plants(draw):
             "stiffness": min(draw(st.floats(1e3, 1e5)), stiffest),
             "damping": draw(st.floats(0.0, 500.0)),
         }
+    if valve_map := effects.get("static_valve_map"):
+        first, second = sorted(valve_map[f"knot_{k}"] for k in (1, 2))
+        valve_map |= {"knot_1": min(first, 0.97), "knot_2": max(second, min(first, 0.97) + 0.011)}
     lag = effects.get("valve_lag", {}).get("time", 0.0)
     if lag > 0.0 and draw(st.booleans()):
         effects["spool_inertia"] = {"omega": max(1.0, draw(st.floats(0.11, 10.0)) / lag)}

@@ -48,6 +48,7 @@ def test_null_values_are_the_plant_without_effects():
 GONE = {
     "valve_saturation": {"limit": 2.0},
     "valve_rate_limit": {"rate": 1e6},
+    "static_valve_map": {"bend_1": 5e-4, "bend_2": 1e-3, "tilt_1": -4e-4, "tilt_3": -5e-4, "range": 0.9},
     "square_root_flow": {"supply": 1e9},
     "rectified_sensor": {"part": 8e-3, "power": 1.007, "range": 4.0},
 }

@@ -41,7 +41,7 @@ class Case:
 
 MOVING = {"speed": 2.0}
 AT_REST = {"direction": 0.0}
-VALVE_MAP = {"bend_1": -0.1, "bend_2": -0.05, "tilt_2": 0.07, "tilt_3": 0.1, "range": 1.1}
+VALVE_MAP = {"bend_1": -0.1, "bend_2": -0.05, "tilt_2": 0.07, "tilt_3": 0.1, "range": 1.1, "rounding": 0.5}
 FRICTION = {"coulomb_friction": {"level": 40.0}, "stribeck_friction": {"level": 30.0, "speed": 2.5}}
 
 CASES = {

@@ -143,10 +143,12 @@ STRIBECK_FRICTION: Final = Cause(
     starts=lambda s: tuple((x * s.pressure, v * s.speed) for x, v in FALLING),
     remote=STUCK_BASELINE,
     within=_within_fall,
-    plain=Plain(
-        "coulomb_friction",
-        becomes=lambda v: {"coulomb_friction.level": v["stribeck_friction.level"]},
-        grows=_hardly_falling,
+    plain=(
+        Plain(
+            "coulomb_friction",
+            becomes=lambda v, _: {"coulomb_friction.level": v["stribeck_friction.level"]},
+            grows=_hardly_falling,
+        ),
     ),
     grid=Grid(
         sizes=_grid_falling,
@@ -161,10 +163,12 @@ LUGRE_FRICTION: Final = Cause(
     coordinates=_lugre,
     starts=_lugre_starts,
     within=_within_level,
-    plain=Plain(
-        "coulomb_friction",
-        becomes=None,
-        grows=lambda v, s: lugre_values(v["coulomb_friction.level"], s.peak_to_peak),
+    plain=(
+        Plain(
+            "coulomb_friction",
+            becomes=None,
+            grows=lambda v, s: lugre_values(v["coulomb_friction.level"], s.peak_to_peak),
+        ),
     ),
     grid=Grid(
         sizes=lambda shares, sizes, cycle: lugre_values(

@@ -91,10 +91,7 @@ LOAD_SPRING: Final = Cause(
     says="The load pulls back to where it belongs: a spring, a pendulum, a hinge moment.",
     coordinates=_spring,
     starts=lambda s: tuple((x * s.omega_n**2, s.centre) for x in SPRINGS),
-    plain=Plain(
-        "load_bias",
-        becomes=lambda v: {"load_bias.acceleration": _at_0(v)},
-    ),
+    plain=(Plain("load_bias", becomes=lambda v, _: {"load_bias.acceleration": _at_0(v)}),),
     alike=(null_for(_at_0),),
     states=("position",),
 )

@@ -112,13 +112,14 @@ class Plain:
 
     Attributes:
         name: Of the simpler one.
-        becomes: Its parameters at the end of this one's range where this one is nothing more; None where
+        becomes: Its parameters, and K_L where that changes too, where this one is nothing more; None where
             this one acts only beside it, and both are in a set.
-        grows: Parameters of this one to begin with where the simpler one is found; None: it is not tried so.
+        grows: Parameters of this one, and K_L where that changes too, to begin with where the simpler one is
+            found; None: it is not tried so.
     """
 
     name: str
-    becomes: Callable[[Values], Values] | None
+    becomes: Callable[[Values, Scales], Values] | None
     grows: Callable[[Values, Scales], Values] | None = None
 
 
@@ -215,7 +216,7 @@ class Cause:
         remote: Factors on the parent's plant, from which the largest start is tried too.
         searched: Whether a simulation can show it in recordings of these sizes.
         within: Brings its parameters, among all effects of a model, to what can be simulated.
-        plain: A simpler cause that it contains.
+        plain: Simpler causes that it contains.
         alike: Causes that act like it.
         delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
         hidden: How two commands hide it; None: they do not.
@@ -239,7 +240,7 @@ class Cause:
     remote: tuple[Values, ...] = ()
     searched: Callable[[Scales], bool] = _always
     within: Callable[[Effects, Scales], None] | None = None
-    plain: Plain | None = None
+    plain: tuple[Plain, ...] = ()
     alike: tuple[Alike, ...] = ()
     delays: bool = False
     hidden: Hidden | None = None
@@ -256,7 +257,7 @@ class Cause:
     @property
     def needs(self) -> str:
         """The cause without which it does nothing; "" where it acts alone."""
-        return self.plain.name if self.plain is not None and self.plain.becomes is None else ""
+        return next((each.name for each in self.plain if each.becomes is None), "")
 
     def group(self, scales: Scales) -> Group:
         """What is searched of it; a wave begins without its number."""

@@ -39,8 +39,12 @@ SHAKES: Final = next(name for name, one in CAUSES.items() if one.wave and one.wa
 """The cause that is a wave over time: a limit cycle may have locked to it."""
 FROM_GRID: Final = DELAYS.union(IN_GRID, SETTLED, RAMPED, {SHAKES})
 """Causes that may be tried from a plant of the grid."""
-RICHER: Final = {name: one.plain.name for name, one in CAUSES.items() if one.plain and one.plain.grows}
-"""Causes that are tried from a set with their plain form, each with that."""
+RICHER: Final = {
+    name: plain
+    for name, one in CAUSES.items()
+    if (plain := tuple(each.name for each in one.plain if each.grows is not None))
+}
+"""Causes that are tried from a set with a plain form of theirs, each with those."""
 GAPS: Final = frozenset(f"{name}.{one.gap}" for name, one in CAUSES.items() if one.gap)
 """Places of gaps in which the load may have been at rest anywhere."""
 OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUSES.items() if one.offset)
@@ -79,16 +83,16 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
     return [each for each in lacking if CAUSES[each].has_room(scales)]
 
 
-def plain_form(names: Collection[str]) -> frozenset[str]:
-    """A set with plain forms in the place of richer ones that grow from them."""
-    return frozenset(RICHER.get(name, name) for name in names)
+def plain_forms(names: Collection[str]) -> set[frozenset[str]]:
+    """The set with plain forms in the place of one or more richer ones that grow from them."""
+    own = frozenset(names)
+    return {frozenset(some) for some in product(*((name, *RICHER.get(name, ())) for name in names))} - {own}
 
 
-def grown(name: str, values: Values, scales: Scales) -> Values:
-    """Parameters of a richer form to begin with, from those of a set that has the plain one."""
-    plain = CAUSES[name].plain
-    assert plain is not None and plain.grows is not None  # noqa: S101, PT018 - asked of `RICHER` alone
-    return plain.grows(values, scales)
+def grown(name: str, plain: str, values: Values, scales: Scales) -> Values:
+    """Parameters of a richer form to begin with, from those of a set that has this plain one."""
+    (grows,) = (each.grows for each in CAUSES[name].plain if each.name == plain and each.grows is not None)
+    return grows(values, scales)
 
 
 def bound_to(name: str) -> set[str]:

@@ -100,10 +100,10 @@ def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Par
 def reaches_null(fitted: Fitted, name: str, spread: Array) -> bool:
     """Whether the 95 % interval of an effect's size reaches the value at which it does nothing.
 
-    An effect's first parameter is its size; of one that has parts each one is.
+    An effect's first parameter is its size, but of one that has several sizes.
     """
     effect = EFFECTS[name]
-    sizes = effect.parameters if effect.parts else effect.parameters[:1]
+    sizes = [p for p in effect.parameters if p.name in effect.sizes] or effect.parameters[:1]
     values = grouped(fitted.model.values(fitted.x))[name]
     return all(_near_null(fitted, name, each, spread) for each in sizes if each.name in values)
 

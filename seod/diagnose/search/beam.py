@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import plain_form
+from seod.diagnose.causes.table import plain_forms
 from seod.diagnose.search.race import elsewhere, extended
 from seod.diagnose.tuning.fitting import FIT
 from seod.diagnose.tuning.search import BEAM
@@ -86,8 +86,8 @@ def survivors(children: Sequence[Fitted]) -> list[Fitted]:
     cost = {frozenset(one.model.names): one.cost for one in ranked}
 
     def spare(fitted: Fitted) -> bool:
-        own, plain = frozenset(fitted.model.names), plain_form(fitted.model.names)
-        return plain != own and cost.get(plain, math.inf) < fitted.cost + BEAM.richer_gain
+        plain = [cost.get(one, math.inf) for one in plain_forms(fitted.model.names)]
+        return min(plain, default=math.inf) < fitted.cost + BEAM.richer_gain
 
     beam = [one for one in ranked if not spare(one)][: BEAM.width]
     first = {frozenset(one.model.names): one for one in beam}

@@ -21,6 +21,7 @@ from seod.diagnose.tuning.search import FINAL_CHOICE
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.search.beam import Grown
@@ -56,8 +57,9 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
         least = FINAL_CHOICE.misfit_gain
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
-    above = max(0.0, base.held.nrmse**2 - base.held.floor**2)
-    own, rest = thinned(plainer(best, held_out, screen, least), tried, held_out, screen, least, above)
+    own, rest = thinned(
+        plainer(best, held_out, screen, least), tried, held_out, screen, least, above_noise(base.held)
+    )
     if own.found.model.names and own.held.adequacy <= HELD_OUT.adequate:
         own = Judged.of(settled(own.found, own.found.cut, screen), held_out)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
@@ -107,6 +109,11 @@ def _looked_at(grown: Grown) -> list[list[Fitted]]:
         for rank, one in zip(ranks, sorted(own, key=lambda one: one.cost), strict=False):
             rank.append(one)
     return ranks
+
+
+def above_noise(held: HeldOut) -> float:
+    """Squared NRMSE above the noise; of a baseline that errs more than a mean that of the mean, 1."""
+    return max(0.0, min(held.nrmse, 1.0) ** 2 - held.floor**2)
 
 
 def worse(judged: Judged, base: Judged) -> bool:

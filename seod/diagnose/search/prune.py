@@ -27,14 +27,26 @@ if TYPE_CHECKING:
 
 def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged:
     """The set with the plain form of effects, where the richer one gains too little over it."""
-    for rich in CAUSES:
-        names, plain = own.found.model.names, CAUSES[rich].plain
-        if rich in names and plain is not None and plain.becomes is not None and plain.name not in names:
-            values = own.found.model.values(own.found.x)
-            simple = own.found.model.without(rich).with_effect(plain.name)
-            other = Judged.of(_fitted(simple, values | plain.becomes(values), own.found, screen), held_out)
-            own = other if gain(other, own) < enough else own
+    for rich in own.found.model.names:
+        simpler = [Judged.of(one, held_out) for one in _plainly(own.found, rich, screen)]
+        nearest = min(simpler, key=lambda one: gain(one, own), default=own)
+        own = nearest if gain(nearest, own) < enough else own
     return own
+
+
+def _plainly(fitted: Fitted, rich: str, screen: Screen) -> list[Fitted]:
+    """The set with each simpler cause that an effect contains in its place, fitted to the same windows."""
+    model, values = fitted.model, fitted.model.values(fitted.x)
+    return [
+        _fitted(
+            model.without(rich).with_effect(plain.name),
+            values | plain.becomes(values, model.scales),
+            fitted,
+            screen,
+        )
+        for plain in CAUSES[rich].plain
+        if plain.becomes is not None and plain.name not in {*model.names, *model.scales.given}
+    ]
 
 
 def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:

@@ -20,7 +20,6 @@ from seod.diagnose.causes.table import (
     further_causes,
     group,
     grown,
-    plain_form,
     remote,
     wave_of,
 )
@@ -193,29 +192,35 @@ def _whole(screen: Screen, runner: Runner) -> Runner:
 
 
 def _richer(screen: Screen, some: Sequence[Runner]) -> list[Runner]:
-    """Richer forms of a cause, from the best set that has the plain one and no richer one."""
+    """Richer forms of a cause, from the best set with a plain one of it and no richer form of that."""
     ranked = sorted(some, key=lambda one: one.found.cost)
-    plain = {rich: _plainly(ranked, rich) for rich in RICHER}
-    forms = [partial(_grown, screen, one, rich) for rich, one in plain.items() if one is not None]
+    begun = {rich: next((one for one in ranked if _may_grow(one, rich)), None) for rich in RICHER}
+    forms = [partial(_grown, screen, one, rich) for rich, one in begun.items() if one is not None]
     return list(screen.parallel(lambda form: form(), forms))
 
 
-def _plainly(ranked: Sequence[Runner], rich: str) -> Runner | None:
-    """The first that has the plain form of a cause, and no richer form of any."""
-    sets = ((one, one.found.model.names) for one in ranked)
-    return next((one for one, own in sets if RICHER[rich] in own and plain_form(own) == set(own)), None)
+def _may_grow(runner: Runner, rich: str) -> bool:
+    names, plain = set(runner.found.model.names), set(RICHER[rich])
+    return not plain.isdisjoint(names) and all(plain.isdisjoint(RICHER.get(name, ())) for name in names)
+
+
+def _plain_of(runner: Runner, rich: str) -> list[str]:
+    """Plain forms of a cause that a set has."""
+    return [name for name in RICHER[rich] if name in runner.found.model.names]
 
 
 def _grown(screen: Screen, runner: Runner, rich: str) -> Runner:
     """The same with a richer form of a cause: best perhaps where the plain one is far from it."""
-    at, ended = runner.found, screen.budget.trial()
-    model = (at.model if CAUSES[rich].needs else at.model.without(RICHER[rich])).with_effect(rich)
-    values = at.model.values(at.x)
+    at, ended, plain = runner.found, screen.budget.trial(), _plain_of(runner, rich)
+    model = at.model
+    for name in plain if not CAUSES[rich].needs else ():
+        model = model.without(name)
+    model, values = model.with_effect(rich), at.model.values(at.x)
     bent = [plant for plant in screen.plants(model, model.names) if rich in plant.causes and rich in SETTLED]
     if bent:
         begin = begun_from(values, min(bent, key=lambda plant: plant.cost).values())
     else:
-        begin = values | grown(rich, values, model.scales)
+        begin = values | grown(rich, plain[0], values, model.scales)
     x = model.searched(begin)
     return runner._replace(found=fit(model, screen.cut, x, at.start, RACE.last_steps, ended=ended))
 

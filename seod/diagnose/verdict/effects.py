@@ -96,11 +96,11 @@ def _besides(name: str, others: Sequence[str]) -> tuple[str, ...]:
 def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
     """Parameters of an effect; of one that counts as another cause that one's before them, in proportion."""
     own = effect_parameters(fitted, name, spread)
-    plain = CAUSES[name].plain
-    if not EFFECTS[name].counts_as or plain is None or plain.becomes is None:
+    counted = EFFECTS[name].counts_as
+    becomes = next((each.becomes for each in CAUSES[name].plain if each.name == counted), None)
+    if becomes is None:
         return own
-    values = fitted.model.values(fitted.x)
-    ((place, value),) = plain.becomes(values).items()
+    ((place, value),) = becomes(fitted.model.values(fitted.x), fitted.model.scales).items()
     (size,) = own.values()
     factor = value / size.value
     low, high = sorted(factor * end for end in size.ci95)
