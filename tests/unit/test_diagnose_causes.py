@@ -178,6 +178,16 @@ def test_plain_forms_are_causes_and_their_parameters():
         assert plain.becomes is not None or name in further_causes(SIZES, [plain.name])
 
 
+def test_none_is_tried_beside_one_that_contains_it():
+    contained = {"asymmetric_gain", "valve_deadband", "valve_saturation"}
+    assert contained.isdisjoint(further_causes(SIZES, ["static_valve_map"]))
+    for name in contained:
+        further = further_causes(SIZES, [name])
+        assert "static_valve_map" not in further
+        assert contained - {name} <= set(further)
+    assert "stribeck_friction" in further_causes(SIZES, ["coulomb_friction"])
+
+
 def turns(name: str, of: str) -> bool:
     """Whether a plant does the same with command, gain and this parameter of the other sign."""
     t_u, u = steps(0.3)

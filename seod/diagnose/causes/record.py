@@ -116,11 +116,13 @@ class Plain:
             this one acts only beside it, and both are in a set.
         grows: Parameters of this one, and K_L where that changes too, to begin with where the simpler one is
             found; None: it is not tried so.
+        beside: Whether both in a set do more than this one alone.
     """
 
     name: str
     becomes: Callable[[Values, Scales], Values] | None
     grows: Callable[[Values, Scales], Values] | None = None
+    beside: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,11 +76,21 @@ def searched_causes(scales: Scales) -> list[str]:
 def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
     """What can be added to a set: causes that it lacks; last those that act only beside one that it has.
 
-    Not those whose own limits leave no room in recordings of these sizes.
+    Not those whose own limits leave no room in recordings of these sizes, nor beside one that contains it.
     """
     needing = [name for name, one in CAUSES.items() if one.needs in names]
     lacking = [each for each in (*searched_causes(scales), *needing) if each not in names]
-    return [each for each in lacking if CAUSES[each].has_room(scales)]
+    return [
+        each
+        for each in lacking
+        if CAUSES[each].has_room(scales)
+        and not any(_contains(each, own) or _contains(own, each) for own in names)
+    ]
+
+
+def _contains(name: str, other: str) -> bool:
+    """Whether a cause does all that the other does."""
+    return any(each.name == other and not each.beside for each in CAUSES[name].plain)
 
 
 def plain_forms(names: Collection[str]) -> set[frozenset[str]]:

@@ -268,9 +268,9 @@ STATIC_VALVE_MAP: Final = Cause(
     searched=lambda s: s.levels > LEVELS_OF_MAP,
     within=_monotone,
     plain=(
-        Plain("valve_saturation", becomes=_only_saturates, grows=_of_saturation),
-        Plain("valve_deadband", becomes=_only_overlaps, grows=_of_overlap),
-        Plain("asymmetric_gain", becomes=_only_unequal, grows=_of_unequal),
+        Plain("valve_saturation", becomes=_only_saturates, grows=_of_saturation, beside=False),
+        Plain("valve_deadband", becomes=_only_overlaps, grows=_of_overlap, beside=False),
+        Plain("asymmetric_gain", becomes=_only_unequal, grows=_of_unequal, beside=False),
     ),
     mirrored=MAP_TILTS,
     figure=_off,
