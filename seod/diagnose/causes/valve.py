@@ -69,7 +69,7 @@ MAP_PLACE: Final = 0.1
 """Part of the range in whose steps a map's corners are searched."""
 KNOTS, ROUNDING = (1.0 / 3.0, 2.0 / 3.0), 0.2
 """Corners of a map and how round they are, to begin with. From there least squares alone found three gains to
-each side drawn at random to 0.3 % of what they add (median of 30), and smooth curves to 1 %."""
+each side, drawn at random, to 0.1 % of what they add (median of 30; smooth curves to 2 %)."""
 LEAST_SLOPE: Final = 0.05
 """Of a map, over its mean one, at least, with which a simpler cause begins in its place; chosen."""
 LEAST_APART: Final = 2.0 * LEAST_BETWEEN_KNOTS
