@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lsim
 
 from seod.data import Recording
-from seod.diagnose.causes.valve import STATIC_VALVE_MAP
+from seod.diagnose.causes.valve_map import STATIC_VALVE_MAP
 from seod.diagnose.pipeline import Options, diagnose
 from sim.parameters import parameters
 from sim.physics import mapped

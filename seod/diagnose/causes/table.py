@@ -12,6 +12,7 @@ from seod.diagnose.causes.load import LOAD
 from seod.diagnose.causes.plant import PLANT
 from seod.diagnose.causes.sensor import SENSOR
 from seod.diagnose.causes.valve import VALVE
+from seod.diagnose.causes.valve_map import VALVE_MAP
 from seod.terminal.text import number
 from sim.effects import EFFECTS, parameter
 
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Effects
 
-_ALL: Final = {each.name: each for each in (*VALVE, *FLOW, *LOAD, *FRICTION, *DISTURBANCE, *SENSOR, *PLANT)}
+_GROUPS: Final = (VALVE, VALVE_MAP, FLOW, LOAD, FRICTION, DISTURBANCE, SENSOR, PLANT)
+_ALL: Final = {each.name: each for group in _GROUPS for each in group}
 CAUSES: Final = {name: _ALL[name] for name in EFFECTS if name in _ALL}
 """Every cause by name, in the order of the signal's way."""
 DELAYS: Final = frozenset(name for name, one in CAUSES.items() if one.delays)
