@@ -179,7 +179,8 @@ def begin(path: Path, output: str) -> tuple[Screen, list[Fitted]]:
         begun, Judged.of(base, held), closed_form([recording], output, UserValues("zero"))
     )
     near = begun.closed or begun.near
-    return screened, search_roots(base, begun, scales(near, near.cut), screened.cut)
+    roots = search_roots(base, begun, scales(near, near.cut), screened.cut)
+    return screened, [one for one in roots.begin if not one.model.names] or [roots.baseline]
 
 
 def begins(screened: Screen, roots: list[Fitted], causes: tuple[str, ...]) -> list[tuple]:

@@ -73,7 +73,7 @@ def behind(read, omega_n=60.0, zeta=0.4):
 def test_behind_a_sensor_without_sign_the_search_begins_at_the_plant(power):
     base = behind(lambda speed: 10.0 * (np.abs(speed) / 10.0) ** power)
     sizes = scales(base, base.cut)
-    *_, root = search_roots(base, BaselineFits(base, base, base), sizes, base.cut)
+    *_, root = search_roots(base, BaselineFits(base, base, base), sizes, base.cut).begin
     values = root.model.values(root.x)
     assert (values["omega_n"], values["zeta"]) == pytest.approx((60.0, 0.4), rel=0.02)
     assert values["rectified_sensor.power"] == pytest.approx(power, rel=0.02)
@@ -90,4 +90,30 @@ def test_a_speed_that_never_turns_keeps_its_sign():
     """It comes down to 0 and no further, and the baseline explains it."""
     base = behind(lambda speed: speed - np.min(speed))
     roots = search_roots(base, BaselineFits(base, base, base), scales(base, base.cut), base.cut)
-    assert not any(one.model.names for one in roots)
+    assert not any("rectified_sensor" in one.model.names for one in roots.begin)
+
+
+def of_position(push):
+    """A baseline at the plant, on windows of a position that a constant acceleration pushes as well."""
+    u, omega_n, zeta = multisine(N), 60.0, 0.4
+    b, a, _ = cont2discrete(([K_L * omega_n**2], [1.0, 2.0 * zeta * omega_n, omega_n**2, 0.0]), 1.0 / RATE)
+    y = lfilter(b.ravel(), a, u) + push * 2.0 * zeta / omega_n * np.arange(N) / RATE
+    windows, _ = cut([series(recording(u, y, noise=0.001), sees_speed=False)])
+    model = baseline_model(_rough(windows, omega_n), 1.0, False, {})
+    x = model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
+    return fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
+
+
+@pytest.mark.parametrize("push", [0.0, 300.0])
+def test_a_position_that_runs_away_begins_with_an_offset(push):
+    base = of_position(push)
+    roots = search_roots(base, BaselineFits(base, base, base), scales(base, base.cut), base.cut)
+    assert roots.baseline.model.names == ()
+    if not push:
+        assert not any(one.model.names for one in roots.begin)
+        return
+    (root,) = roots.begin
+    assert root.model.names == ("load_bias",)
+    values = root.model.values(root.x)
+    assert (values["omega_n"], values["zeta"]) == pytest.approx((60.0, 0.4), rel=0.02)
+    assert values["load_bias.acceleration"] == pytest.approx(-push, rel=0.05)

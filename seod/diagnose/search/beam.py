@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.search.screen import Screen
+    from seod.diagnose.starts.search_roots import Roots
 
 
 def least_gain(cut: Cut) -> float:
@@ -46,15 +47,17 @@ class Grown:
     tried: dict[frozenset[str], Fitted] = field(default_factory=dict)
 
 
-def grow(screen: Screen, roots: Sequence[Fitted], progress: Callable[[float], None]) -> Grown:
+def grow(screen: Screen, roots: Roots, progress: Callable[[float], None]) -> Grown:
     """Add one effect at a time to the best sets, until they are adequate or nothing gains any more.
 
     Args:
         screen: Where causes are tried.
-        roots: The baseline, and others of the same form to begin from.
+        roots: The baseline, and what to begin from.
         progress: Called with the part of the work that is done.
     """
-    grown, beam = Grown([roots[0]]), list(roots)
+    sets = sorted((one for one in roots.begin if one.model.names), key=lambda one: one.cost)
+    grown = Grown([*sets, roots.baseline], {frozenset(one.model.names): one for one in sets})
+    beam = list(roots.begin)
     for size in range(1, BEAM.most_effects + 1):
         if grown.best[0].excess < FIT.noise_alone or screen.budget.spent:
             break

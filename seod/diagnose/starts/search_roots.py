@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.causes.table import OFFSET, OFFSET_PLACE, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
@@ -14,6 +15,8 @@ from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seod.diagnose.causes.scales import Scales
     from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
@@ -34,8 +37,20 @@ def hidden_by_offset(fits: BaselineFits, base: Judged, closed: ClosedForm) -> Ba
     return fits._replace(closed=unchanged(model, x, near.cut))
 
 
-def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> list[Fitted]:
-    """The baseline, and the other fits where they differ: with sizes by which effects are scaled.
+class Roots(NamedTuple):
+    """Where a search begins.
+
+    Attributes:
+        baseline: With sizes by which effects are scaled.
+        begin: What it begins from: the baseline and other plants, or sets with one effect.
+    """
+
+    baseline: Fitted
+    begin: list[Fitted]
+
+
+def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
+    """The baseline and the other fits where they differ, or Eq. 1 with an offset, if that hid the plant.
 
     Where readings have lost their sign the baseline behind such a sensor is one of them.
     """
@@ -47,11 +62,31 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> l
         root = less_damped(fit(other, cut, one.x, start, free=nothing))
         if all(_differ(root, each) for each in found):
             found.append(root)
+    roots = Roots(found[0], _with_offset(found) or found)
     unsigned = unsigned_root(base.model, cut, sizes)
     if unsigned is None:
-        return found
+        return roots
     root = unchanged(unsigned.model, unsigned.x, cut)
-    return [*found, root] if root.cost < found[0].cost - SEARCH_ROOTS.shows_no_sign else found
+    hidden = root.cost < found[0].cost - SEARCH_ROOTS.shows_no_sign
+    return roots._replace(begin=[*roots.begin, root]) if hidden else roots
+
+
+def _with_offset(found: Sequence[Fitted]) -> list[Fitted]:
+    """Eq. 1 with an offset, where it leaves so much less than without that those plants are none.
+
+    A position runs away with any offset, unequal gains too: whatever Eq. 1 makes of that, effects that are
+    tried beside it gain nothing, and take what the search may take.
+    """
+    if OFFSET not in searched_causes(found[0].model.scales) or found[0].excess < SEARCH_ROOTS.far_from_noise:
+        return []
+    offset = min((_fitted_with_offset(root) for root in found), key=lambda one: one.cost)
+    return [offset] if offset.cost < min(one.cost for one in found) - SEARCH_ROOTS.offset_saves else []
+
+
+def _fitted_with_offset(root: Fitted) -> Fitted:
+    model = root.model.with_effect(OFFSET)
+    x = model.searched(root.model.values(root.x) | {OFFSET_PLACE: 0.0})
+    return fit(model, root.cut, x, simulated_states(model, x, root.cut))
 
 
 def less_damped(root: Fitted) -> Fitted:

@@ -174,6 +174,9 @@ class SearchRoots:
     shows_no_sign: float = 0.3
     """[-] Mean log squared error that the baseline behind a sensor without sign saves, to be a start: many a
     position begins at 0 and never goes below. Chosen: a quarter of the squares."""
+    offset_saves: float = 1.0
+    """[-] Mean log squared error that Eq. 1 with an offset saves, for plants without to be none. Chosen: a
+    factor of e."""
     as_good: float = 0.1
     """[-] Further mean log error of the one in its place, at most. Chosen: a tenth."""
 
