@@ -99,6 +99,18 @@ def test_a_map_that_grew_from_a_simpler_cause_does_what_that_does(name):
         assert grown["K_L"] * one.worth(volts) == pytest.approx(K_L * SIMPLER[name](volts), abs=1e-9)
 
 
+def test_a_map_of_one_sign_is_a_null_elsewhere():
+    (form,) = [each for each in STATIC_VALVE_MAP.plain if each.name == "null_shift"]
+    parts = dict.fromkeys(PARTS, 0.0) | {"tilt_1": -0.2, "tilt_2": -0.2, "tilt_3": -0.2} | AT_THIRDS
+    values = {f"static_valve_map.{of}": value for of, value in parts.items()}
+    shifted = form.becomes(values, type("Sizes", (), {"volts": LARGEST})())
+    assert shifted == pytest.approx({"null_shift.voltage": 0.2})
+    record = parameters(1.0, 50.0, 0.5, {"null_shift": {"voltage": 0.2}})
+    one = ValveMap({f"static_valve_map_{of}": value for of, value in (parts | {"range": LARGEST}).items()})
+    for volts in (-1.5, -0.9, 0.9, 1.5):
+        assert one.worth(volts) == pytest.approx(volts - record["null_shift_voltage"][0])
+
+
 def test_the_map_in_plain_numbers_is_the_kernels():
     random = np.random.default_rng(2)
     for _ in range(20):

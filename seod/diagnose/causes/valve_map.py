@@ -121,6 +121,12 @@ def _only_unequal(values: Values, s: Scales) -> Values:
     return {"asymmetric_gain.ratio": values["static_valve_map.tilt_3"] / s.volts}
 
 
+def _only_shifted(values: Values, _: Scales) -> Values:
+    """A null elsewhere: what a map adds of one sign, the mean of it."""
+    tilts = [values[f"static_valve_map.{of}"] for of in MAP_TILTS]
+    return {"null_shift.voltage": -sum(tilts) / len(tilts)}
+
+
 def _off(effects: Effects) -> float:
     """Most that a command is worth more or less [V]."""
     at, *worth = _worth(effects["static_valve_map"])
@@ -142,6 +148,7 @@ STATIC_VALVE_MAP: Final = Cause(
         Plain("valve_saturation", becomes=_only_saturates, grows=_of_saturation, beside=False),
         Plain("valve_deadband", becomes=_only_overlaps, grows=_of_overlap, beside=False),
         Plain("asymmetric_gain", becomes=_only_unequal, grows=_of_unequal, beside=False),
+        Plain("null_shift", becomes=_only_shifted, beside=False),
     ),
     mirrored=MAP_TILTS,
     figure=_off,
