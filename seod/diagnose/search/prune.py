@@ -14,9 +14,9 @@ from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
-    from seod.diagnose.causes.scales import Values
+    from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
@@ -36,17 +36,8 @@ def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged
 
 def _plainly(fitted: Fitted, rich: str, screen: Screen) -> list[Fitted]:
     """The set with each simpler cause that an effect contains in its place, fitted to the same windows."""
-    model, values = fitted.model, fitted.model.values(fitted.x)
-    return [
-        _fitted(
-            model.without(rich).with_effect(plain.name),
-            values | plain.becomes(values, model.scales),
-            fitted,
-            screen,
-        )
-        for plain in CAUSES[rich].plain
-        if plain.becomes is not None and plain.name not in {*model.names, *model.scales.given}
-    ]
+    simpler = {each.name: each.becomes for each in CAUSES[rich].plain if each.becomes is not None}
+    return _in_place_of(rich, simpler, fitted, screen)
 
 
 def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
@@ -59,18 +50,25 @@ def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
 
 def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
     """The set with each cause alike to one of its own in that one's place, fitted to the same windows."""
+    model = fitted.model
+    others = {
+        other.name: other.same
+        for other in CAUSES[name].alike
+        if (other.always or model.scales.two_commands)
+        and (not other.beside or not other.beside.isdisjoint(model.names))
+    }
+    return _in_place_of(name, others, fitted, screen)
+
+
+def _in_place_of(
+    name: str, others: Mapping[str, Callable[[Values, Scales], Values]], fitted: Fitted, screen: Screen
+) -> list[Fitted]:
+    """The set with each other cause, begun at what it is by the set's values, in the place of an effect."""
     model, values = fitted.model, fitted.model.values(fitted.x)
     return [
-        _fitted(
-            model.without(name).with_effect(other.name),
-            values | other.same(values, model.scales),
-            fitted,
-            screen,
-        )
-        for other in CAUSES[name].alike
-        if other.name not in {*model.names, *model.scales.given}
-        and (other.always or model.scales.two_commands)
-        and (not other.beside or not other.beside.isdisjoint(model.names))
+        _fitted(model.without(name).with_effect(other), values | begin(values, model.scales), fitted, screen)
+        for other, begin in others.items()
+        if other not in {*model.names, *model.scales.given}
     ]
 
 
