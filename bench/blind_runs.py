@@ -13,14 +13,13 @@ from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 
-from hidden_cases import Case, Invisible, draw, supply_of
+from hidden_cases import Case, Invisible, draw
 from hidden_records import make_record, write
 from hidden_rough import Rough, make_rough_record, rough
 from hidden_score import outcome, parameters
+from hidden_truth import told_by_file, told_by_rough_file
 
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
@@ -92,37 +91,8 @@ def _bounded(limit: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
 
 
-def _told_by_file(case: Case) -> dict:
-    """Effects as far as a file can tell: of a speed neither the position nor the phase of its ripple.
-
-    The air in the oil is told at the median of the supply pressure, which no file says to be nominal or not.
-    """
-    values = {name: dict(group) for name, group in case.rig.effects.items()}
-    if case.rig.sees_speed:
-        values.get("position_ripple", {}).pop("phase", None)
-        values.get("load_spring", {}).pop("centre", None)
-    if air := values.get("pressure_dependent_stiffness"):
-        air["air"] /= float(np.median(supply_of(case))) ** 2
-    return values | ({case.causes[0]: _defect(case)} if case.defects else {})
-
-
-def _defect(case: Case) -> dict[str, float]:
-    names = {"jitter": "deviation", "part": "rate"}
-    return {names.get(name, name): value for name, value in case.defects.items()}
-
-
-def _told_by_rough_file(case: Case, how: Rough) -> dict:
-    return {
-        name: {
-            of: how.converted(f"{name}.{of}", value, sees_speed=case.rig.sees_speed)
-            for of, value in group.items()
-        }
-        for name, group in _told_by_file(case).items()
-    }
-
-
 def line(case: Case, said: dict, beside: dict, how: Rough | None = None) -> dict:
-    truth = _told_by_file(case) if how is None else _told_by_rough_file(case, how)
+    truth = told_by_file(case) if how is None else told_by_rough_file(case, how)
     judged = said if how is None else how.forgiven(case.causes, said)
     return {
         "rough": None if how is None else how.as_json(),

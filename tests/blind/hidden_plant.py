@@ -100,7 +100,6 @@ PHYSICAL = np.dtype(
 MODES = np.dtype([(n, np.float64) for n in ("t", "played", "behind", "touches", "slides", "stuck", "given")])
 
 GIVEN, RELAY, SERVO = range(3)
-QUICK = 1e-4  # [s] lag of a spool that is otherwise limited in its speed only
 
 
 @njit(cache=True, error_model="numpy")
@@ -251,9 +250,14 @@ def stick_or_slide(p, m, w, supply, gust):
 def heun(p, m, w, h, supply, gust, k):
     first, second, trial, _ = k
     slope(p, m, m.t, w, supply, gust, first)
+    ramps = p.spool_lag == 0.0 and not math.isinf(p.slew)
+    if ramps:  # a straight line over the step, as far as the command or as the slew allows
+        first[SPOOL] = clip((m.played - w[SPOOL]) / h, -p.slew, p.slew)
     for n in range(STATES):  # whole rows would be new arrays at each step
         trial[n] = w[n] + h * first[n]
     slope(p, m, m.t + h, trial, supply, gust, second)
+    if ramps:
+        second[SPOOL] = first[SPOOL]
     for n in range(STATES):
         w[n] += 0.5 * h * (first[n] + second[n])
     m.t += h
@@ -298,7 +302,7 @@ def arrive(p, m, w, volts):
     if p.stamped:
         volts = worth(p, volts)
     m.played = clip(m.played, volts - p.play, volts + p.play)
-    if p.spool_lag == 0.0:
+    if p.spool_lag == 0.0 and math.isinf(p.slew):
         w[SPOOL] = m.played
 
 

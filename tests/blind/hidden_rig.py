@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import hidden_plant
 import numpy as np
-from hidden_plant import DEFAULTS, ENTRIES, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, QUICK, RELAY, SERVO
+from hidden_plant import DEFAULTS, ENTRIES, GIVEN, LAGGED, MODES, PHYSICAL, PRESSURE, RELAY, SERVO
 
 LONGEST = 4e-5
 """Step [s]; that of bristles, which are quick, is a quarter of it."""
@@ -165,8 +164,6 @@ class Rig:
             out["shaft_damping"] = 2.0 * second["zeta"] * second["omega"] * out["inertia2"]
         if relief := of("relief"):
             out["relief"], out["opens"] = RELIEF, relief["strength"] * self.inertia / self.displacement
-        if math.isfinite(values["slew"]) and values["spool_lag"] == 0.0:
-            out["spool_lag"] = QUICK
         return out
 
 
