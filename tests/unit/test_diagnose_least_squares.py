@@ -9,6 +9,7 @@ from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recordin
 from seod.diagnose.causes.record import Coordinate
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import group, searched_causes
+from seod.diagnose.causes.valve import LARGEST_LIMIT
 from seod.diagnose.fitting.held_out import nrmse, simulate_held_out, wholes
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, settle
@@ -94,6 +95,21 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
         every += list(deviations(found, to_fit)[0].values())
     assert 0.75 < np.std(every) < 1.25
+
+
+def test_of_a_number_that_the_samples_do_not_show_only_its_bounds_are_known(clean):
+    """Commands never reach the valve's end: where that lies they do not tell."""
+    to_fit = clean[0]
+    model = baseline_model(SIZES, 1.0, False, {}).with_effect("valve_saturation")
+    largest = SIZES.volts * LARGEST_LIMIT
+    assert np.max(np.abs(to_fit.series[0].u)) < 0.9 * largest
+    x = model.searched(TRUTH | {"valve_saturation.limit": 0.95 * largest})
+    found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
+    spread = covariance(found)
+    low, high = effect_parameters(found, "valve_saturation", spread)["limit"].ci95
+    assert low < 0.2 * largest
+    assert high > 1.9 * largest
+    assert 0.0 < base_sd(found, spread)["K_L"] < 0.01 * K_L
 
 
 def test_a_lag_is_found_through_the_valley_where_gain_and_damping_change_together():

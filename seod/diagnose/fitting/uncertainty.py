@@ -22,6 +22,7 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
     from sim.effects import Parameter as EffectParameter
 
@@ -32,6 +33,7 @@ def covariance(fitted: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
 
     Of a coarse sensor's samples those count that lie outside their interval, by their own error.
+    A number that the samples do not show at all is known to lie within its bounds.
     """
     cut = fitted.cut
     residual = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
@@ -39,6 +41,7 @@ def covariance(fitted: Fitted) -> Array:
     if cut.coarse:
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
+    curvature = curvature + np.diag(_by_bounds(fitted.model))
     size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
     scaled = curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
@@ -50,6 +53,12 @@ def covariance(fitted: Fitted) -> Array:
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
     return out
+
+
+def _by_bounds(model: Model) -> Array:
+    """Curvature by each number's bounds, as if they were a standard deviation off; 0 where it is given."""
+    low, high = model.bounds
+    return np.where(high > low, 1.0 / np.maximum(high - low, 1e-300) ** 2, 0.0)
 
 
 def _closing(fitted: Fitted) -> float:
