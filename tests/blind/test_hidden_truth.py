@@ -17,7 +17,8 @@ U = np.repeat([1.0, -1.0, 0.6, 0.3, -0.5, 1.0], 20)
 
 
 def case_of(effects):
-    return Case(7, "two", tuple(effects), "operation", Rig(12.0, 140.0, 0.2, effects), 1e-3, 0.12, 1.0, 0.01, 0.0)
+    rig = Rig(12.0, 140.0, 0.2, effects)
+    return Case(7, "two", tuple(effects), "operation", rig, 1e-3, 0.12, 1.0, 0.01, 0.0)
 
 
 def test_numbers_at_the_recordings_pressure_move_the_plant_as_the_hidden_ones_do():
