@@ -269,6 +269,7 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     progress("measuring the gain", 0.8)
     base, chosen = _measured(choice, start, unseen, way)
     last_base = chosen.to_all if chosen.over_all is base.found else _last(base.found, start, way)
+    chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
     return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
@@ -324,6 +325,17 @@ def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Ju
     every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
     base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
     return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held, drift)
+
+
+def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: _Way) -> tuple[Fitted | None, ...]:
+    """The set fitted to each recording after the first `seen` alone: whether sizes repeat."""
+    if not last.model.names:
+        return ()
+    every = [Cut([one], whole_windows([one])) for one in unseen.series[seen:]]
+    return tuple(
+        fitted_to_all_rows(last, one, way.parallel, way.budget.last_fit()) if one.windows else None
+        for one in every
+    )
 
 
 def _last(found: Fitted, start: _Start, way: _Way) -> Fitted:

@@ -172,6 +172,8 @@ class FoundEffect:
         gain: What it is good for.
         p_value: Of no gain at all, over pieces of the held-out windows.
         indistinguishable_from: Causes that explain the recordings as well in its place.
+        holdout: Its parameters, all numbers fitted anew to each recording of `--holdout`; empty where too
+            little of one counts.
     """
 
     name: str
@@ -179,10 +181,12 @@ class FoundEffect:
     gain: Gain
     p_value: float
     indistinguishable_from: tuple[str, ...] = ()
+    holdout: tuple[Mapping[str, Parameter], ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {
+        """As in the contract, and with `--holdout` the parameters by each of its recordings."""
+        again = [{name: each.as_json() for name, each in one.items()} for one in self.holdout]
+        return ({"holdout": again} if again else {}) | {
             "name": self.name,
             "parameters": {name: each.as_json() for name, each in self.parameters.items()},
             "gain": self.gain.as_json(),
@@ -397,8 +401,11 @@ class Diagnosis:
         return any(not np.array_equal(w.y_baseline, w.y_extended) for w in self.windows)
 
     def share(self, effect: FoundEffect) -> float:
-        """Part of the baseline's held-out squared error above the noise that comes back without an effect."""
-        above = self.baseline.holdout_nrmse**2 - self.noise_floor_nrmse**2
+        """Part of the baseline's held-out squared error above the noise that comes back without an effect.
+
+        Where the baseline errs by more than the movement it is of the movement.
+        """
+        above = min(self.baseline.holdout_nrmse, 1.0) ** 2 - self.noise_floor_nrmse**2
         gained = effect.gain.nrmse_without**2 - effect.gain.nrmse_with**2
         return min(1.0, max(0.0, gained / above)) if above > 0.0 else 0.0
 

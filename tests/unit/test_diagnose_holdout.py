@@ -1,4 +1,4 @@
-"""A recording that no fit has seen: what carries over to it is named, what does not is told."""
+"""A recording that no fit has seen: it scores, what does not carry over to it is told, and names stay."""
 
 from __future__ import annotations
 
@@ -49,13 +49,24 @@ def test_an_offset_that_both_recordings_have_is_named(fitted):
     assert [each.name for each in d.effects] == ["load_bias"]
     assert d.share(d.effects[0]) == pytest.approx(1.0, abs=0.01)
     assert d.grade == "down_to_noise"
+    size, (again,) = d.effects[0].parameters["acceleration"], d.effects[0].holdout
+    low, high = again["acceleration"].ci95
+    assert low < size.ci95[1]
+    assert size.ci95[0] < high
+    assert not any("does not repeat" in told for told in d.remarks)
 
 
-def test_an_offset_of_the_fitted_recording_alone_is_not_named_but_told(fitted):
+def test_an_offset_of_the_fitted_recording_alone_keeps_its_name_and_is_told_not_to_carry_over(fitted):
     d = asked(fitted, speeds(2, -ZERO, "other.csv"))
-    assert d.effects == ()
+    alone = diagnose([fitted], (), Options(output="velocity", effort="quick"))
+    assert [each.name for each in d.effects] == [each.name for each in alone.effects] == ["load_bias"]
+    assert d.extended.effects == alone.extended.effects
+    size, (again,) = d.effects[0].parameters["acceleration"].value, d.effects[0].holdout
+    assert again["acceleration"].value == pytest.approx(-size, rel=0.05)
+    assert d.as_json()["effects"][0]["holdout"][0]["acceleration"]["value"] == again["acceleration"].value
+    assert any("load_bias.acceleration fitted to it is" in told for told in d.remarks)
     assert d.verdict == "unexplained"
     assert d.grade == "useless"
     assert "load_bias" in d.extended.effects
-    assert any(told.startswith("load_bias is in the extended model, but not named") for told in d.remarks)
+    assert any(told.startswith("load_bias does not carry over") for told in d.remarks)
     assert any("the zero of sensor or loop is another one" in told for told in d.remarks)

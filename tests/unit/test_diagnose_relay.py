@@ -177,6 +177,18 @@ def test_what_is_but_a_gain_of_two_commands_is_not_tried():
     assert not set(searched_causes(replace(sizes, levels=2))) & hidden_by_relay().keys()
 
 
+def test_relays_of_two_amplitudes_give_four_commands_together(no_grid):
+    """Then a deadband, a saturation and a hysteresis are no longer another gain."""
+    one, _ = recorded("stalls")
+    twice = replace(one, u=2.0 * one.u)
+    for some, levels in (([one], 2), ([one, one], 2), ([one, twice], 4)):
+        windows = segments(cut(some)[0])
+        fitted = baseline(windows, False, {}).best
+        told = scales(fitted, windows)
+        assert told.levels == levels
+        assert (hidden_by_relay().keys() <= set(searched_causes(told))) == (levels > 2)
+
+
 def test_a_relay_s_plant_is_not_damped_beyond_what_shows(no_grid):
     one, _ = recorded("stalls")
     found = screen(cut([one])[0], map, Budget(seconds=1e6))

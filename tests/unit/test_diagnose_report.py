@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -18,10 +19,11 @@ from seod.diagnose.report.chart import AFTER, BEFORE, MEASURED, Chart, Curve, Ma
 from seod.diagnose.report.fields import _band
 from seod.diagnose.report.files import facts
 from seod.diagnose.report.page import page
+from seod.diagnose.report.tables import effects
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import Units
 from seod.diagnose.report.words import consequences, headline
-from seod.diagnose.result import Unexplained
+from seod.diagnose.result import Gain, Parameter, Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
 from seod.plots.style import style
@@ -153,6 +155,26 @@ def test_the_terminal_gets_the_same(found):
 
 def test_the_only_cause_has_all_of_the_share(found):
     assert found.share(found.effects[0]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_share_is_of_the_movement_where_the_baseline_errs_by_more(found):
+    far, floor = replace(found.baseline, holdout_nrmse=40.0), found.noise_floor_nrmse
+    gain = Gain(math.sqrt(0.21 + 0.25), 0.5)
+    effect = replace(found.effects[0], gain=gain)
+    assert replace(found, baseline=far).share(effect) == pytest.approx(0.21 / (1.0 - floor**2))
+
+
+def test_numbers_by_a_held_out_recording_stand_beside_those_that_are_told(found):
+    there = {"level": Parameter(300.0, "unit/s^2", (290.0, 310.0))}
+    again = replace(found, effects=(replace(found.effects[0], holdout=(there, {})),))
+    assert "held out" not in as_text(found, "rad")
+    text = as_text(again, "rad")
+    assert "held out 2" in text
+    assert "300 ± 10 rad/s^2" in text
+    page = effects(again, "rad")
+    assert "fitted to the held-out recording" in page
+    assert "level = 300 ± 10 rad/s^2" in page
+    assert "fitted to" not in effects(found, "rad")
 
 
 @pytest.mark.slow

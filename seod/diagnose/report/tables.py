@@ -55,7 +55,12 @@ def effects(d: Diagnosis, unit: str) -> str:
     """What was found: parameters, gain, share and likelihood."""
     head = ["cause", "parameters, 95 % interval", "error without it → with it", "share", "p"]
     doubtful = any(effect.indistinguishable_from for effect in d.effects)
+    again = any(effect.holdout for effect in d.effects)
     rows = [_effect(d, effect, unit) for effect in d.effects]
+    if again:
+        head.append("fitted to the held-out recording")
+        for row, effect in zip(rows, d.effects, strict=True):
+            row.append(_again(effect, Units.of(unit, d.output)))
     if doubtful:
         head.append("not told from")
         for row, effect in zip(rows, d.effects, strict=True):
@@ -74,6 +79,15 @@ def _effect(d: Diagnosis, effect: FoundEffect, unit: str) -> list[str]:
         *(["in no figure", "-"] if of_record(effect) else told),
         "&lt; 0.0001" if effect.p_value < 1e-4 else number(effect.p_value, 2),
     ]
+
+
+def _again(effect: FoundEffect, units: Units) -> str:
+    """The same parameters by each recording of --holdout."""
+    each = [
+        "<br>".join(f"{escape(name)} = {escape(interval(p, units))}" for name, p in one.items()) or "-"
+        for one in effect.holdout
+    ]
+    return "<br>".join(each) or "-"
 
 
 def ranking(d: Diagnosis) -> str:

@@ -87,4 +87,6 @@ def _effects(d: Diagnosis, units: Units) -> Table:
         for k, (name, parameter) in enumerate(effect.parameters.items()):
             row = [first[0] if k == 0 else "", name, interval(parameter, units)]
             table.add_row(*row, *(rest if k == 0 else []))
+            for file, one in enumerate(effect.holdout, 1):
+                table.add_row("", f"  held out {file}", interval(one[name], units) if name in one else "-")
     return table

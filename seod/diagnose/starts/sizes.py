@@ -43,11 +43,17 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
         warmer=_range([one.warmth for one in used]) > 0.5,
         relayed=cut.relayed,
-        levels=max(one.levels for one in used),
+        levels=_levels(used),
         pressed=_range([one.supply for one in used]) > 0.02,
         force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
         reading=max(SIZES.least, *(float(np.max(np.abs(one.y[one.good]))) for one in used)),
     )
+
+
+def _levels(used: Sequence[Series]) -> int:
+    """How many different commands all recordings have together: relays of two amplitudes have four."""
+    together = np.unique(np.concatenate([one.u for one in used]))
+    return max(len(together), *(one.levels for one in used))
 
 
 def _range(channels: Sequence[Array]) -> float:

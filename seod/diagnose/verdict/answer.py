@@ -18,13 +18,14 @@ from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
+from seod.diagnose.search.final_choice import above_noise
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import PRUNE
 from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
 from seod.diagnose.verdict.unexplained import remaining_after_fits, systematic_part, unexplained
-from seod.terminal.text import number
+from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from seod.diagnose.record.defects import Defect, Defects
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
-    from seod.diagnose.result import Account, Array, Mask, NextExperiment, Output, Verdict, Window
+    from seod.diagnose.result import Account, Array, Mask, NextExperiment, Output, Parameter, Verdict, Window
     from seod.diagnose.search.beam import Grown
     from seod.diagnose.verdict.effects import Chosen
 
@@ -61,8 +62,11 @@ OTHER_ZERO: Final = (
     "there the zero of sensor or loop is another one. But for that {rest} % is left"
 )
 STAYS_BEHIND: Final = (
-    "{name} is in the extended model, but not named: with the --holdout recordings {without} % is left "
-    "without it and {with_it} % with it. It is of the recordings that were fitted, not of the rig"
+    "{name} does not carry over: of the --holdout recordings {without} % is left without it and {with_it} % "
+    "with it. It is of the recordings that were fitted, not of the rig"
+)
+OTHER_SIZE: Final = (
+    "held-out recording {k}: {place} fitted to it is {there}, and was {here}: its size does not repeat"
 )
 UNSURE: Final = (
     "windows held out show a little more than noise and would not, had they been fitted, too: the others "
@@ -114,7 +118,7 @@ def answered(
     rest, rare = _remainder(searched, base)
     held = searched.chosen.held
     others = len(held_out.series) > seen
-    named, behind = carried_over(searched.effects, searched.held) if others else (searched.effects, ())
+    behind = left_behind(searched.effects, searched.held) if others else ()
     account, yardstick = accounted(searched.chosen.over_all, best, held, searched.held)
     if not rare and held.adequacy >= HELD_OUT.adequate:
         rest = systematic_part(rest, account, held.nrmse, relevance)
@@ -122,7 +126,7 @@ def answered(
     for shown in _by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
-    every = (*named, *defects)
+    every = (*searched.effects, *defects)
     return Diagnosis(
         verdict=_verdict(every, rest),
         baseline=baseline,
@@ -130,7 +134,7 @@ def answered(
         extended=extended,
         noise_floor_nrmse=_floor(searched.held, account, rest),
         unexplained=rest,
-        next_experiment=_experiment(searched, named, held_out),
+        next_experiment=_experiment(searched, held_out),
         output=output,
         noise_sd=tuple(recording.noise for recording in held_out.series),
         adequacy=searched.chosen.held.adequacy,
@@ -144,7 +148,8 @@ def answered(
             *_drifts(searched.chosen),
             *other_zeros(held_out.series, whole, seen),
             *behind,
-            *(SWEPT.format(name=each.name) for each in named if _swept(each, held)),
+            *other_sizes(searched.effects),
+            *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
         grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
         account=account,
@@ -153,25 +158,39 @@ def answered(
     )
 
 
-def carried_over(
-    effects: Sequence[FoundEffect], plain: HeldOut
-) -> tuple[tuple[FoundEffect, ...], tuple[str, ...]]:
-    """Effects that save something of recordings that no fit has seen, and what is said of the others.
+def left_behind(effects: Sequence[FoundEffect], plain: HeldOut) -> tuple[str, ...]:
+    """What is said of effects that save nothing of recordings that no fit has seen.
 
     Args:
         effects: What was found.
         plain: The baseline where no fit has seen.
     """
-    least = PRUNE.least_share * max(0.0, plain.nrmse**2 - plain.floor**2)
-    named, behind = list[FoundEffect](), list[str]()
+    least = PRUNE.least_share * above_noise(plain)
+    said = []
     for each in effects:
         without, with_it = each.gain.nrmse_without, each.gain.nrmse_with
-        if without**2 - with_it**2 >= least:
-            named.append(each)
-            continue
-        left, rest = number(100.0 * without), number(100.0 * with_it)
-        behind.append(STAYS_BEHIND.format(name=each.name, without=left, with_it=rest))
-    return tuple(named), tuple(behind)
+        if without**2 - with_it**2 < least:
+            left, rest = number(100.0 * without), number(100.0 * with_it)
+            said.append(STAYS_BEHIND.format(name=each.name, without=left, with_it=rest))
+    return tuple(said)
+
+
+def other_sizes(effects: Sequence[FoundEffect]) -> list[str]:
+    """Of numbers whose interval, fitted to a held-out recording, does not meet the one that is told."""
+    said = []
+    for effect in effects:
+        for k, again in enumerate(effect.holdout, 1):
+            for name in effect.parameters.keys() & again.keys():
+                here, there = effect.parameters[name], again[name]
+                if here.ci95[1] < there.ci95[0] or there.ci95[1] < here.ci95[0]:
+                    place = f"{effect.name}.{name}"
+                    said.append(OTHER_SIZE.format(k=k, place=place, there=_size(there), here=_size(here)))
+    return said
+
+
+def _size(parameter: Parameter) -> str:
+    low, high = parameter.ci95
+    return f"{with_sd(parameter.value, 0.5 * (high - low))} {parameter.unit}".strip()
 
 
 def _by_samples(checked: Sequence[Defects]) -> list[Defect]:
@@ -270,12 +289,12 @@ def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
     return max(held.floor, math.sqrt(account.not_repeatable) * held.nrmse)
 
 
-def _experiment(searched: Searched, named: Sequence[FoundEffect], held_out: Cut) -> NextExperiment | None:
+def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
     best, one = searched.chosen.last, held_out.series[0]
     volts = float(np.max(np.abs(one.u)))
     asked = best.model, best.x, one.noise, volts, one.tick
-    told = next_experiment(named, *asked)
-    return told or (beyond_a_relay(*asked) if held_out.relayed else None)
+    told = next_experiment(searched.effects, *asked)
+    return told or (beyond_a_relay(*asked) if best.model.scales.two_commands else None)
 
 
 def _scored(fitted: Fitted, held: HeldOut, seen: int) -> tuple[Score, list[Array]]:

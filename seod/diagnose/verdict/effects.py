@@ -37,6 +37,7 @@ class Chosen:
         without: Of each effect the set without it, fitted anew.
         held: Its simulation of the windows held out.
         drift: The same beside a load that drifts, where recordings show one.
+        again: `last` fitted anew to each recording that no fit has seen; None where too little of one counts.
     """
 
     found: Fitted
@@ -45,6 +46,7 @@ class Chosen:
     without: Mapping[str, Judged]
     held: HeldOut
     drift: Drift | None = None
+    again: tuple[Fitted | None, ...] = ()
 
     @property
     def last(self) -> Fitted:
@@ -73,12 +75,14 @@ def found_effects(
                 gain=Gain(rest.held.nrmse, chosen.held.nrmse),
                 p_value=p_value(rest.held, chosen.held, causes),
                 indistinguishable_from=_besides(name, others),
+                holdout=_told_again(chosen, name),
             )
         )
     if chosen.drift is not None and OFFSET not in {each.name for each in out}:
         numbers = effect_parameters(chosen.last, OFFSET, spread)
         gain = Gain(chosen.drift.without, chosen.drift.with_it)
-        out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value))
+        again = _told_again(chosen, OFFSET)
+        out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value, holdout=again))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
 
@@ -91,6 +95,11 @@ def _besides(name: str, others: Sequence[str]) -> tuple[str, ...]:
     """Names that the answer lists beside this effect, each once."""
     names = dict.fromkeys(answered_as(other) for other in others)
     return tuple(other for other in names if other != answered_as(name))
+
+
+def _told_again(chosen: Chosen, name: str) -> tuple[dict[str, Parameter], ...]:
+    """Parameters of an effect by each recording that no fit had seen; none where too little of one counts."""
+    return tuple({} if one is None else _numbers(one, name, covariance(one)) for one in chosen.again)
 
 
 def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
