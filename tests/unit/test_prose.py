@@ -7,10 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.tuning.search import BUDGET
 from tests.scripts import loaded
 
 REPO = Path(__file__).parents[2]
 prose = loaded(REPO / "docs" / "prose.py")
+MOST_LINES = 130
+"""Of the page of the diagnosis: what is measured, and why, stands in its log and in the decisions."""
 
 
 @pytest.mark.parametrize("rule", prose.RULES, ids=lambda rule: rule.instead)
@@ -51,6 +55,23 @@ def test_long_sentences_and_numbers_of_records_are_found():
     assert prose.length(prose.Page("page.md", many)) == 40
     assert prose.misused(prose.Page("page.md", ["As record 20817 shows."]))
     assert not prose.misused(prose.Page("docs/diagnosis-log.md", ["As record 20817 shows."]))
+
+
+def test_the_page_of_the_diagnosis_is_short_and_has_no_number_of_a_record():
+    page = (REPO / "docs" / "diagnosis.md").read_text()
+    assert len(page.splitlines()) <= MOST_LINES
+    assert re.findall(r"\b\d{5}\b", page) == []
+
+
+def test_the_page_of_the_diagnosis_tells_the_work_of_a_search():
+    page = (REPO / "docs" / "diagnosis.md").read_text()
+    (told,) = re.findall(
+        r"^\| `normal` \| (\d+) s of work .* from ([\d ]+) samples .* up to (\d+) s", page, re.M
+    )
+    work, rows, most = (float(each.replace(" ", "")) for each in told)
+    assert work == Budget.of(int(rows), "normal").total == BUDGET.search_s
+    assert most == BUDGET.search_s + BUDGET.further_s
+    assert Budget.of(int(rows) - 1, "normal").total > work
 
 
 def test_arguments_of_a_docstring_are_paragraphs_of_their_own():

@@ -80,7 +80,7 @@ def shortest_lag(s: Scales) -> float:
 
 
 def same_time(own: str, *others: str) -> tuple[Alike, ...]:
-    """Other causes that delay, alike at the same time; under a relay also a valve of limited speed."""
+    """Other causes that delay, alike at the same time; at two commands and no more also a limited speed."""
 
     def alike(other: str) -> Alike:
         return Alike(other, lambda values, _: {f"{other}.time": values[f"{own}.time"]})
@@ -94,7 +94,7 @@ def same_time(own: str, *others: str) -> tuple[Alike, ...]:
 
 
 def same_delay(*others: str) -> tuple[Alike, ...]:
-    """Causes that delay as long as the middle of a ramp from one end of a relay's command to the other."""
+    """Causes that delay as long as the middle of a ramp from one of two commands to the other."""
 
     def alike(other: str) -> Alike:
         time = f"{other}.time"

@@ -26,8 +26,8 @@ class Beam:
     """[-] Part of what an effect must save, up to which another set explains the recordings as well.
     Chosen."""
     richer_gain: float = 0.2
-    """[-] Mean log squared error that a richer form of friction must save to be grown in place of the
-    plain one. Chosen."""
+    """[-] Mean log squared error that a richer form (of friction, of a valve's lag, or a valve's map) must
+    save to be grown in place of the plain one. Chosen."""
 
 
 BEAM: Final = Beam()
