@@ -180,7 +180,7 @@ def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
     """
     parts = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
     difference = _block_logs(without, parts) - _block_logs(with_it, parts)
-    if len(difference) < 3 or not np.ptp(difference) > 0.0:
+    if len(difference) < UNCERTAINTY.fewest_compared or not np.ptp(difference) > 0.0:
         return 1.0
     return min(1.0, tried * float(ttest_1samp(difference, 0.0, alternative="greater").pvalue))
 
