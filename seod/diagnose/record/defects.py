@@ -164,7 +164,7 @@ def _absurd(y: Array) -> Mask:
     if not near.any():
         return np.isfinite(y)
     middle = float(np.median(y[near]))
-    spread = float(np.quantile(np.abs(y[near] - middle), 0.99))
+    spread = float(np.quantile(np.abs(y[near] - middle), DEFECTS.nearly_all))
     return np.isfinite(y) & ~(
         near & ((spread == 0.0) | (np.abs(y / DEFECTS.absurd - middle / DEFECTS.absurd) <= spread))
     )
@@ -181,7 +181,7 @@ def _named(
 def _missing(t: Array, present: Mask) -> Defect | None:
     """Rows without a reading, and rows that are not there at all."""
     steps = np.maximum(np.round(np.diff(t) / np.median(np.diff(t))), 1.0).astype(np.int64)
-    there = np.zeros(1 + int(steps.sum()), np.bool_) if steps.sum() < 100 * len(t) else present
+    there = np.zeros(1 + int(steps.sum()), np.bool_) if steps.sum() < DEFECTS.most_rows * len(t) else present
     if there is not present:
         there[np.concatenate([[0], np.cumsum(steps)])] = present
     lost = int(np.count_nonzero(~there))
@@ -204,7 +204,7 @@ def clipped(y: Array) -> Mask:
     present = np.flatnonzero(np.isfinite(y))
     seen = y[present]
     steps = np.abs(np.diff(seen))
-    least = 3.0 * float(np.min(steps[steps > 0.0], initial=math.inf))
+    least = DEFECTS.clipped_step * float(np.min(steps[steps > 0.0], initial=math.inf))
     for end in (float(np.max(seen)), float(np.min(seen))):
         for first, last in _runs(seen == end):
             before, behind = steps[max(0, first - 2) : first], steps[last - 1 : last + 1]

@@ -56,7 +56,7 @@ def _line(x: Array, square: Array) -> tuple[float, float, float]:
     """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
     level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
     for _ in range(TIMING_JITTER.rounds):
-        expected = np.maximum(level + growth * x, 1e-3 * max(level, growth) + 1e-300)
+        expected = np.maximum(level + growth * x, TIMING_JITTER.least_expected * max(level, growth) + 1e-300)
         near = square < TIMING_JITTER.events * expected
         a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]
         normal = np.linalg.pinv(a.T @ a)
