@@ -88,7 +88,7 @@ def _relay(record: NDArray[np.void], kind: str, volts: float, t: Array) -> Array
     relay = np.zeros(1, RELAY)
     relay["e_a"], relay["velocity_mode"] = volts, record["measures_speed"]
     if kind == "two-phase":
-        relay["cycles"], relay["shift"] = 3.0, 0.25
+        relay["cycles"], relay["shift"] = TRIAL.cycles, TRIAL.shift
     y, u, t_u = np.empty((3, len(t)))
     state = new_state(record, float(t[0]))
     sampled_relay(record[0], state[0], relay[0], t, _NONE, _NONE, _NONE, _NONE, y, u, t_u)
@@ -130,7 +130,7 @@ def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> t
     best_x, best = np.empty(0), math.inf
     for begin in begins:
         inside = np.clip(begin, low + 1e-9, high - 1e-9)
-        step = [1e-4] * len(begin)
+        step = [TRIAL.derivative_step] * len(begin)
         answer = least_squares(
             residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=TRIAL.tries
         )
