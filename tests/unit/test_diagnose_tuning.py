@@ -14,7 +14,6 @@ ROOT = Path(seod.diagnose.__file__).parent
 STAGES = sorted(path.stem for path in (ROOT / "tuning").glob("[a-z]*.py"))
 SEARCHING = ("record", "fitting", "starts", "search", "verdict", "account", "pipeline.py")
 NEITHER = {
-    "SD_OF_95",
     "NORM",
     "CORRELATED",
     "STATES",

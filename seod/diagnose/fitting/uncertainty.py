@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import ttest_1samp
@@ -14,7 +14,7 @@ from seod.diagnose.fitting.backlash_jumps import contacts, jumps
 from seod.diagnose.fitting.least_squares import LeastSquares, least_square, weighted
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
-from seod.diagnose.result import Parameter
+from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.fitting import UNCERTAINTY
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
     from sim.effects import Parameter as EffectParameter
-
-SD_OF_95: Final = 1.96
 
 
 def covariance(fitted: Fitted) -> Array:

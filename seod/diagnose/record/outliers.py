@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import log_ndtr, ndtr
 
 from seod.diagnose.record.fourth_differences import NORM, PATTERN
+from seod.diagnose.result import SD_OF_95
 from seod.diagnose.tuning.record import OUTLIERS
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ def outliers(stencils: Stencils, noise: Array) -> Outliers:
     rate = len(rows) / count / seen
     if rate > OUTLIERS.most:
         return Outliers(rows[:0])
-    width = 1.96 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
+    width = SD_OF_95 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
     ends = {
         "rate": (max(0.0, rate - width), min(1.0, rate + width)),
-        "size": (max(0.0, size - 1.96 * sd), size + 1.96 * sd),
+        "size": (max(0.0, size - SD_OF_95 * sd), size + SD_OF_95 * sd),
     }
     return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
