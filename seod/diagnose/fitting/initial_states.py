@@ -11,6 +11,7 @@ from seod.diagnose.fitting.least_squares import LeastSquares, settle
 from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
 from seod.diagnose.record.windows import Cut
 from seod.diagnose.tuning.fitting import FIT, INITIAL_STATES
+from sim.windows import INSIDE, START
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,10 +95,16 @@ def carried_states(fitted: Fitted, cut: Cut) -> Array:
         states = inside(record, on, state[None])[1]
         for w in asked:
             at = cut.windows[w][1] - row
-            start[w] = (
-                state if at == 0 else [*states[at, : POSITION + 1], 0.0, 0.0, 0.0, states[at, LOOSE_INSIDE]]
-            )
+            start[w] = state if at == 0 else _going_on(states[at])
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _going_on(state: Array) -> list[float]:
+    """Initial state of a window that begins in the midst of another, from what is inside there, shape (5,).
+
+    The second inertia and what is behind the sensor's lag are relative to the first, and taken for steady.
+    """
+    return [float(state[INSIDE.index(name)]) if name in INSIDE else 0.0 for name in START]
 
 
 def alike_states(found: Fitted, cut: Cut) -> Array:
