@@ -18,7 +18,7 @@ NEITHER = {
     "CORRELATED",
     "STATES",
     "MARKS",
-    "_BEYOND",
+    "_SQUARE_BEYOND",
     "_CHANGES",
     "_SPREAD",
     "_LARGEST",
