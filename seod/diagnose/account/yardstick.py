@@ -207,7 +207,7 @@ def _fitted_arx(runs: Sequence[Run | None], order: int, integrates: bool) -> Arx
     if not np.all(np.isfinite(weights)):
         return None
     poles = np.roots(np.r_[1.0, -weights[:order]])
-    return empty._replace(weights=weights) if np.all(np.abs(poles) < 1.0 + 1e-6) else None
+    return empty._replace(weights=weights) if np.all(np.abs(poles) < 1.0 + YARDSTICK.unstable) else None
 
 
 def _bent(past: Array) -> Array:

@@ -40,7 +40,9 @@ def travelled(recording: Series) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(recording.t))])
 
 
-def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
+def simulated_states(
+    model: Model, x: Array, cut: Cut, loose: float = INITIAL_STATES.places_in_gap[0]
+) -> Array:
     """Initial states with pressure and speed of one simulation of each block of recordings, shape (w, 7).
 
     It begins so many times a gap from the flank that the load pulls at.

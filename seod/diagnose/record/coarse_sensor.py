@@ -70,7 +70,7 @@ def noise_beneath(number: Array) -> float:
     change, apart = np.diff(number)[rows], np.diff(rows)
     back = change[1:] * change[:-1] < 0.0
     passes = max(len(rows) - int(np.count_nonzero(back)), 1)
-    near = apart < max(COARSE.there_and_back * len(number) / passes, 2.0)
+    near = apart < max(COARSE.there_and_back * len(number) / passes, COARSE.there_and_back_rows)
     return float(np.count_nonzero(back & near)) / (_CHANGES * len(number))
 
 

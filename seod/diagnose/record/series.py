@@ -232,7 +232,7 @@ def _window_s(t: Array, period_s: float) -> float:
 
 def dominant_hz(t: Array, y: Array, good: Mask) -> float:
     """Frequency at which the detrended `y` has its largest line [Hz]."""
-    count = min(len(t), 8 * SERIES.finest)
+    count = min(len(t), SERIES.most_spectrum_rows)
     even = np.linspace(t[0], t[-1], count)
     signal = np.interp(even, t[good], y[good])
     line = np.polynomial.Polynomial.fit(even, signal, 1)

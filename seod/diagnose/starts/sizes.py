@@ -68,7 +68,6 @@ def _peak_to_peak(position: Array, speed: Array, cut: Cut) -> float:
     for rows in cut.slices:
         turns = np.flatnonzero(np.diff(np.sign(speed[rows])))
         moves += np.abs(np.diff(position[rows][turns])).tolist()
-    moved = (
-        float(np.median(moves)) if len(moves) > SIZES.few_moves else float(np.ptp(position[cut.slices[0]]))
-    )
+    several = len(moves) > SIZES.few_moves
+    moved = float(np.median(moves)) if several else float(np.ptp(position[cut.slices[0]]))
     return max(moved, SIZES.least)

@@ -138,6 +138,8 @@ class Yardstick:
     """[-] Part of the largest change at which its sign is taken for a step. Chosen."""
     gone_beyond: float = 10.0
     """[ranges] Of the record beyond which a simulation has run away. Chosen."""
+    unstable: float = 1e-6
+    """[-] Size of a pole above 1 from which on an ARX is none: rounding of one that integrates. Chosen."""
 
 
 YARDSTICK: Final = Yardstick()

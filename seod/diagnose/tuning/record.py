@@ -51,6 +51,8 @@ class CoarseSensor:
     there_and_back: float = 0.1
     """[-] Of the mean time between two steps: a change and its contrary within it are noise, no movement.
     Chosen."""
+    there_and_back_rows: float = 2.0
+    """[rows] The same, at least. Chosen."""
 
 
 COARSE: Final = CoarseSensor()
@@ -168,6 +170,8 @@ class FourthDifferences:
 
     too_wide: float = 6.0
     """[intervals] That five samples without a gap span at most (4 of them). Chosen."""
+    slope_reach: int = 3
+    """[rows] On either side, through which a cubic tells the slope. Chosen."""
 
 
 FOURTH_DIFFERENCES: Final = FourthDifferences()
@@ -217,6 +221,8 @@ class Noise:
     Chosen."""
     event_beyond: float = 5.0
     """[sd] Beyond which a difference is an event, not noise. Chosen."""
+    uneven: float = 0.5
+    """[intervals] By which one may be longer or shorter for its samples to count. Chosen."""
     fewest: int = 50
     """[differences] Without which an order tells nothing. Chosen."""
 
@@ -326,9 +332,8 @@ class Series:
     """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
-    finest: int = 1 << 15
-    """[rows] Of the spectrum that shows the dominant period, an eighth of the most. Chosen: a power of
-    two."""
+    most_spectrum_rows: int = 1 << 18
+    """[rows] Of the spectrum that shows the dominant period. Chosen: a power of two."""
     least_noise: float = 1e-9
     """[-] Noise over the deviation of y, at least. Chosen: readings without any are weighed, too."""
     least_supply: float = 0.01

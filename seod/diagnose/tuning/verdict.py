@@ -40,6 +40,8 @@ class ExperimentTrial:
     """[periods] Of a limit cycle in each of two phases. Chosen: the configuration's own default."""
     shift: float = 0.25
     """[periods] By which switches of the second are late. Chosen: likewise."""
+    gone: float = 1e6
+    """[sd] Error of what is no number any more. Chosen: far more than any rival's."""
     derivative_step: float = 1e-4
     """[-] Part of a searched number by which a rival's derivatives are taken. Chosen."""
 

@@ -124,7 +124,8 @@ def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> t
 
     def residual(x: Array) -> Array:
         y, _ = follow(model.record(np.clip(x, low, high)), run.t, run.u)
-        left: Array = np.nan_to_num((y - run.y) / noise, nan=1e6, posinf=1e6, neginf=-1e6)
+        gone = TRIAL.gone
+        left: Array = np.nan_to_num((y - run.y) / noise, nan=gone, posinf=gone, neginf=-gone)
         return left
 
     best_x, best = np.empty(0), math.inf
