@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+SD_OF_95: Final = 1.96
+"""Standard deviations from the middle to the ends of an interval of 95 %, of what is normal."""
 RELEVANCE: Final = 0.02
 """Systematic rest over the movement's standard deviation that matters, if the user does not say: a hundredth
 of its range, about what gains and calibrations of sensors are off by themselves."""

@@ -108,8 +108,9 @@ def _shapes(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array
     """
     u, v, x = (getattr(one, name) / sizes[name] for name in ("u", "velocity", "position"))
     angle = float(np.median(np.diff(one.t))) * plant.omega_n
-    forces = _through(_load(plant), [np.sign(v) * np.sqrt(np.abs(v)), np.sin(2.7 * math.pi * x)], angle)
-    volts = _through(_valve(plant), [np.clip(u, -0.4, 0.4), u * np.sqrt(np.abs(u)) * x], angle)
+    wave, limit = np.sin(BLACK_BOX.unlisted_wave * math.pi * x), BLACK_BOX.unlisted_limit
+    forces = _through(_load(plant), [np.sign(v) * np.sqrt(np.abs(v)), wave], angle)
+    volts = _through(_valve(plant), [np.clip(u, -limit, limit), u * np.sqrt(np.abs(u)) * x], angle)
     return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle)
 
 
@@ -188,7 +189,7 @@ def _forces(p: Array, v: Array, x: Array) -> list[Array]:
     waves = [wave(k * math.pi * x) for k in range(1, BLACK_BOX.waves + 1) for wave in (np.cos, np.sin)]
     return [
         np.ones_like(v),
-        *(sign, sign * np.exp(-np.abs(v) / (4.0 * BLACK_BOX.sharp)), v, v * np.abs(v), v**3),
+        *(sign, sign * np.exp(-np.abs(v) / BLACK_BOX.stribeck), v, v * np.abs(v), v**3),
         *(x, x * np.abs(x), x * x, x**3),
         *(sign * x, sign * np.abs(p), v * x, v * x * x, v * p),
         *waves,

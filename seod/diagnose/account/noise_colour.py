@@ -90,6 +90,6 @@ def _correlation(memory: Array) -> float:
     slowest = float(np.max(np.abs(poles)))
     if slowest >= 1.0 or steady <= 0.0:
         return math.inf
-    length = min(1_000_000, math.ceil(20.0 / (1.0 - slowest)))
+    length = min(NOISE_COLOUR.most_rows, math.ceil(NOISE_COLOUR.decays / (1.0 - slowest)))
     response = lfilter([1.0], np.r_[1.0, -memory], np.eye(1, length)[0])
     return max(1.0, 1.0 / steady**2 / float(response @ response))

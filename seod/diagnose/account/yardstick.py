@@ -201,13 +201,13 @@ def _rows(runs: Sequence[Run | None], arx: Arx) -> tuple[Array, Array]:
 def _fitted_arx(runs: Sequence[Run | None], order: int, integrates: bool) -> Arx | None:
     empty = Arx(order, integrates, np.empty(0))
     past, now = _rows(runs, empty)
-    if len(now) < 4 * (2 * order + 2):
+    if len(now) < YARDSTICK.rows_each * (2 * order + 2):
         return None
     weights = np.asarray(np.linalg.lstsq(past, now, rcond=1e-10)[0])
     if not np.all(np.isfinite(weights)):
         return None
     poles = np.roots(np.r_[1.0, -weights[:order]])
-    return empty._replace(weights=weights) if np.all(np.abs(poles) < 1.0 + 1e-6) else None
+    return empty._replace(weights=weights) if np.all(np.abs(poles) < 1.0 + YARDSTICK.unstable) else None
 
 
 def _bent(past: Array) -> Array:

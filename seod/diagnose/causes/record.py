@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Array, Effects
 
-LARGEST_PART: Final = 0.7
+LARGEST_WAVE_PART: Final = 0.7
 """Cosine and sine part of a wave over the largest amplitude, at most: both together stay below it."""
 State = Literal["pressure", "velocity", "position", "velocity2", "position2", "lagged", "loose"]
 """A column of a window's initial state, `sim.windows.START`."""
@@ -101,7 +101,7 @@ class Wave:
     ) -> tuple[Coordinate, ...]:
         """`narrow` is a change of the wave's number by which its far end hardly moves."""
         largest = next(each.high for each in EFFECTS[name].parameters if each.name == "amplitude")
-        limit = LARGEST_PART * largest
+        limit = LARGEST_WAVE_PART * largest
         parts = signed("cosine", scale, limit), signed("sine", scale, limit)
         return (*parts, linear(self.number, narrow, low, high))
 

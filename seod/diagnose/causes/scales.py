@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
+from seod.diagnose.tuning.starts import BASELINE
+
+LARGEST_DAMPING: Final = 20.0
+"""Of zeta: the rates of such a plant are 1600 times apart, and of one with more the slower alone shows."""
 Values = dict[str, float]
 """By place: `K_L`, `omega_n`, `zeta`, or `effect.parameter`; in starts `*K_L` and the like multiply these."""
 
@@ -48,8 +53,8 @@ class Scales:
     middle: float = 0.0
     sees_speed: bool = False
     step: float = 0.0
-    slowest: float = 2.0
-    damped: float = 20.0
+    slowest: float = BASELINE.slowest_plant
+    damped: float = LARGEST_DAMPING
     warmer: bool = False
     relayed: bool = False
     levels: int = 1000

@@ -54,7 +54,7 @@ CURVE_MARGIN: Final = 1.05
 """Half of the curve's travel over half of that of the readings, which are bent themselves; chosen."""
 CURVE_POINTS: Final = 201
 """Over its travel, at which its largest deviation is looked for."""
-PART_SCALE, LARGEST_PART = 0.1, 1.1
+RECTIFIED_SCALE, LARGEST_RECTIFIED = 0.1, 1.1
 """Of a rectified sensor: what half of the change below 0 is over the reading; size in whose steps it is
 searched, and its limit: a fifth steeper below 0. What counts or rectifies treats both ways alike; chosen."""
 POWERS: Final = (1.0, 2.0)
@@ -148,7 +148,7 @@ RECTIFIED_SENSOR: Final = Cause(
     name="rectified_sensor",
     says="The sensor shows no sign: what it reads is the absolute value.",
     coordinates=lambda _: (
-        linear("part", PART_SCALE, 0.0, LARGEST_PART),
+        linear("part", RECTIFIED_SCALE, 0.0, LARGEST_RECTIFIED),
         sized("power", LEAST_POWER, LARGEST_POWER),
     ),
     starts=lambda _: tuple((1.0, power) for power in POWERS),

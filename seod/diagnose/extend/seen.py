@@ -19,7 +19,7 @@ _FEWEST_SWITCHES: Final = 6
 """Of a relay, so that its thresholds are told."""
 _ENTRY: Final = 2
 """Switches of a relay at its beginning that may be its entry."""
-_ALIKE: Final = 0.02
+_SAME_VOLTAGE: Final = 0.02
 """Difference of voltages, over all there are, up to which they are one."""
 _NO_ROWS: Final = np.empty(0, np.intp)
 
@@ -88,7 +88,7 @@ def _relay(u: Array) -> Rows:
     A recording also has what was before and after: rest, the check of the polarity, other amplitudes. The
     relay is the longest stretch of steps to and fro between two voltages.
     """
-    same = _ALIKE * float(np.nanmax(u) - np.nanmin(u))
+    same = _SAME_VOLTAGE * float(np.nanmax(u) - np.nanmin(u))
     steps = np.flatnonzero(np.abs(np.diff(u)) > same) + 1
     if len(steps) < _FEWEST_SWITCHES:
         return _NO_ROWS

@@ -148,7 +148,7 @@ def _settles(cut: Cut, k: int) -> Mask:
     for of, first, last in cut.windows:
         seen[first:last] &= of != k
     begins = one.t - one.t[0] < WINDOWS.settling_part * one.window_s
-    return seen if np.count_nonzero(seen) > len(seen) // 4 else begins
+    return seen if np.count_nonzero(seen) > HELD_OUT.rows_to_settle * len(seen) else begins
 
 
 def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:

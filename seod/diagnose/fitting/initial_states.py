@@ -11,6 +11,7 @@ from seod.diagnose.fitting.least_squares import LeastSquares, settle
 from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
 from seod.diagnose.record.windows import Cut
 from seod.diagnose.tuning.fitting import FIT, INITIAL_STATES
+from sim.windows import INSIDE, START
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,9 @@ def travelled(recording: Series) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(recording.t))])
 
 
-def simulated_states(model: Model, x: Array, cut: Cut, loose: float = 0.5) -> Array:
+def simulated_states(
+    model: Model, x: Array, cut: Cut, loose: float = INITIAL_STATES.places_in_gap[0]
+) -> Array:
     """Initial states with pressure and speed of one simulation of each block of recordings, shape (w, 7).
 
     It begins so many times a gap from the flank that the load pulls at.
@@ -94,10 +97,16 @@ def carried_states(fitted: Fitted, cut: Cut) -> Array:
         states = inside(record, on, state[None])[1]
         for w in asked:
             at = cut.windows[w][1] - row
-            start[w] = (
-                state if at == 0 else [*states[at, : POSITION + 1], 0.0, 0.0, 0.0, states[at, LOOSE_INSIDE]]
-            )
+            start[w] = state if at == 0 else _going_on(states[at])
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _going_on(state: Array) -> list[float]:
+    """Initial state of a window that begins in the midst of another, from what is inside there, shape (5,).
+
+    The second inertia and what is behind the sensor's lag are relative to the first, and taken for steady.
+    """
+    return [float(state[INSIDE.index(name)]) if name in INSIDE else 0.0 for name in START]
 
 
 def alike_states(found: Fitted, cut: Cut) -> Array:

@@ -130,7 +130,7 @@ class LeastSquares:
         """At most so many steps from searched numbers and initial states."""
         at = Place(x, start, *self.tried(x, start))
         curvature = np.zeros((len(x), len(x)))
-        damping = 1e-2
+        damping = FIT.first_damping
         for _ in range(most):
             if ended():
                 break
@@ -141,14 +141,14 @@ class LeastSquares:
             parts = self.derivatives(*at)
             curvature = parts.curvature()
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
-            for _ in range(FIT.dampings_tried if self.soft is None else 2 * FIT.dampings_tried):
+            for _ in range(FIT.dampings_tried if self.soft is None else FIT.dampings_tried_softened):
                 found = self.stepped(parts, at, damping, bounds)
                 if found is not None or ended():
                     break
-                damping *= 6.0
+                damping *= FIT.damping_factor
             if found is None:
                 break
-            at, damping = found, max(damping / 6.0, 1e-9)
+            at, damping = found, max(damping / FIT.damping_factor, FIT.least_damping)
             if before - self.cost(at.error) < enough:
                 break
         if self.soft is not None:
@@ -297,7 +297,8 @@ def rounded(cut: Cut) -> Cut:
 def least_square(cut: Cut) -> Array:
     """Of each window's mean squared error what makes no difference; a coarse sensor's may be none at all."""
     some = np.array([cut.series[k].slack > 0.0 for k, _, _ in cut.windows])
-    return np.asarray((np.where(some, 0.5, 1e-3) * cut.noise) ** 2 + 1e-300)
+    part = np.where(some, FIT.negligible_coarse, FIT.negligible)
+    return np.asarray((part * cut.noise) ** 2 + 1e-300)
 
 
 def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
@@ -316,7 +317,7 @@ def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness |
     return np.fmin(np.fmax(residual, -1e100), 1e100)  # of what is no number, one of them
 
 
-def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = 6) -> Array:
+def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = FIT.states_steps) -> Array:
     """Initial states fitted to these `rows` only, the parameters given; shape (w, 7)."""
     search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
     search.good = search.good & rows

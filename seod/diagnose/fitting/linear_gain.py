@@ -10,6 +10,7 @@ from seod.diagnose.causes.table import OFFSET, OFFSET_PLACE
 from seod.diagnose.fitting.least_squares import LeastSquares
 from seod.diagnose.fitting.normal_equations import Normal
 from seod.diagnose.fitting.simulate import POSITION, simulate
+from seod.diagnose.tuning.fitting import LINEAR_GAIN
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
@@ -37,7 +38,7 @@ def linear_gain(
     search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
     biased = model if OFFSET in model.names else model.with_effect(OFFSET)
     at = np.concatenate([x, np.zeros(len(biased.coordinates) - len(x))])
-    columns, bias = [], 1e-2 * model.scales.pressure
+    columns, bias = [], LINEAR_GAIN.bias * model.scales.pressure
     at_rest = simulate(model.record(x), cut, start)
     for column in model.states:
         moved = start.copy()

@@ -11,7 +11,7 @@ import numpy as np
 from seod.diagnose.causes.base import BASE, base
 from seod.diagnose.causes.record import signed
 from seod.diagnose.causes.table import CAUSES, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE, bound_to, group
-from seod.diagnose.tuning.fitting import SUBSTEPS
+from seod.diagnose.tuning.fitting import FIT, SUBSTEPS
 from sim.effects import EFFECTS, FAR
 from sim.parameters import parameters
 from sim.windows import START
@@ -63,7 +63,7 @@ class Model:
         s = self.scales
         reading = s.speed if self.sees_speed else s.peak_to_peak
         sizes = [s.pressure, s.speed, s.peak_to_peak, s.speed, s.peak_to_peak, reading, s.peak_to_peak]
-        return 1e-3 * np.maximum(sizes, 1e-30)
+        return FIT.state_step * np.maximum(sizes, 1e-30)
 
     def values(self, x: Array) -> Values:
         """Parameters at searched numbers."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import ttest_1samp
@@ -14,7 +14,7 @@ from seod.diagnose.fitting.backlash_jumps import contacts, jumps
 from seod.diagnose.fitting.least_squares import LeastSquares, least_square, weighted
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
-from seod.diagnose.result import Parameter
+from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.fitting import UNCERTAINTY
 from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.result import Array
     from sim.effects import Parameter as EffectParameter
-
-SD_OF_95: Final = 1.96
 
 
 def covariance(fitted: Fitted) -> Array:
@@ -180,7 +178,7 @@ def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
     """
     parts = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
     difference = _block_logs(without, parts) - _block_logs(with_it, parts)
-    if len(difference) < 3 or not np.ptp(difference) > 0.0:
+    if len(difference) < UNCERTAINTY.fewest_compared or not np.ptp(difference) > 0.0:
         return 1.0
     return min(1.0, tried * float(ttest_1samp(difference, 0.0, alternative="greater").pvalue))
 

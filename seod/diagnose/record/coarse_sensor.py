@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _CHANGES: Final = 2.0 / math.sqrt(math.pi)
 """Changes of a reading by noise, of samples that pass steps slowly, for each: times noise over step."""
-_BEYOND: Final = 2.0 * math.sqrt(2.0 / math.pi) / 3.0
+_SQUARE_BEYOND: Final = 2.0 * math.sqrt(2.0 / math.pi) / 3.0
 """Mean square beyond the interval, over deviation^3 / step: both ends, positions within the step alike."""
 
 
@@ -55,7 +55,7 @@ def readings(y: Array, good: Mask, step: float, noise: float, *, held: bool = Fa
         least = max(noise, rounding)
         return Readings(y, 0.0, least, least, least)
     level, allowed = (
-        step * math.sqrt(_BEYOND * max(COARSE.noise_margin * beneath, sd) ** 3)
+        step * math.sqrt(_SQUARE_BEYOND * max(COARSE.noise_margin * beneath, sd) ** 3)
         for sd in (COARSE.least_noise, COARSE.most_noise)
     )
     middle = np.where(good, (number + turn) * step, y)
@@ -70,7 +70,7 @@ def noise_beneath(number: Array) -> float:
     change, apart = np.diff(number)[rows], np.diff(rows)
     back = change[1:] * change[:-1] < 0.0
     passes = max(len(rows) - int(np.count_nonzero(back)), 1)
-    near = apart < max(COARSE.there_and_back * len(number) / passes, 2.0)
+    near = apart < max(COARSE.there_and_back * len(number) / passes, COARSE.there_and_back_rows)
     return float(np.count_nonzero(back & near)) / (_CHANGES * len(number))
 
 

@@ -29,7 +29,7 @@ def column_remarks(name: str, recording: Recording) -> list[str]:
     """What is wrong with the columns themselves."""
     u, y = recording.u, recording.y
     both = np.isfinite(u) & np.isfinite(y)
-    if np.count_nonzero(both) < 50 or np.ptp(u[both]) == 0.0 or np.ptp(y[both]) == 0.0:
+    if np.count_nonzero(both) < COLUMNS.fewest_samples or np.ptp(u[both]) == 0.0 or np.ptp(y[both]) == 0.0:
         return []
     t, u, y = recording.t[both], u[both], y[both]
     remarks = []
@@ -58,7 +58,8 @@ def _one_signal(a: Array, b: Array) -> bool:
 def _steps(x: Array) -> bool:
     """Takes few values and seldom leaves one: a command, not a movement."""
     change = np.abs(np.diff(x))
-    return len(np.unique(x)) < 20 and float(np.max(change)) > 0.3 * float(np.ptp(x))
+    few = len(np.unique(x)) < COLUMNS.few_values
+    return few and float(np.max(change)) > COLUMNS.large_step * float(np.ptp(x))
 
 
 def different_units(recordings: Sequence[Recording]) -> str:

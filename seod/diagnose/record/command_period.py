@@ -21,12 +21,9 @@ def in_step(cut: Cut, omega: float) -> bool:
 
 
 def _in_step(recording: Series, omega: float) -> bool:
-    period, lowest = (
-        relay_period_s(recording.t, recording.u),
-        1.5,
-    )  # it may have locked to a disturbance of its frequency
+    period, lowest = relay_period_s(recording.t, recording.u), PERIOD.lowest_of_relay
     if period is None:
-        period, lowest = command_period_s(recording.t, recording.u), 0.5
+        period, lowest = command_period_s(recording.t, recording.u), PERIOD.lowest
     if period is None:
         return False
     order = omega * period / (2.0 * math.pi)
@@ -61,19 +58,19 @@ def command_period_s(t: Array, u: Array, shortest_s: float = PERIOD.shortest_s) 
     power = np.abs(np.fft.rfft(x, 2 * rows)) ** 2
     alike = np.fft.irfft(power)[:rows] / np.arange(rows, 0, -1) / max(float(np.var(x)), 1e-300)
     tick = float(even[1] - even[0])
-    below = np.flatnonzero(alike < 0.5)
+    below = np.flatnonzero(alike < PERIOD.unlike)
     if not len(below):
         return None
     first = max(int(below[0]), math.ceil(shortest_s / tick))
-    last = int(rows / 3)
+    last = int(rows / PERIOD.fewest_periods)
     if first >= last:
         return None
     near = first + np.flatnonzero(
-        alike[first:last] > max(PERIOD.repeats_alike, 0.97 * float(np.max(alike[first:last])))
+        alike[first:last] > max(PERIOD.repeats_alike, PERIOD.near_best * float(np.max(alike[first:last])))
     )
     if not len(near):
         return None
-    best = near[0] + int(np.argmax(alike[near[0] : near[0] + near[0] // 4 + 1]))
+    best = near[0] + int(np.argmax(alike[near[0] : near[0] + int(PERIOD.same_peak * near[0]) + 1]))
     return float(best * tick)
 
 
@@ -81,7 +78,7 @@ def finer_period_s(t: Array, u: Array, period: float) -> float:
     """A period by the sample at which the command is most alike, ever more periods later [s]."""
     tick, x = float(np.median(np.diff(t))), u - np.mean(u)
     lasts = t[-1] - t[0]
-    reach, most = math.ceil(lasts / PERIOD.grid_rows / tick) + 1, int(0.75 * lasts / period)
+    reach, most = math.ceil(lasts / PERIOD.grid_rows / tick) + 1, int(PERIOD.compared_part * lasts / period)
     count = 1
     while count <= most:
         about = round(count * period / tick)

@@ -14,7 +14,7 @@ from seod.diagnose.record.held_readings import held_readings
 from seod.diagnose.record.outliers import outliers
 from seod.diagnose.record.sensor_step import Counts, counts
 from seod.diagnose.record.timing_jitter import Jitter, timing_jitter
-from seod.diagnose.result import Parameter
+from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.record import DEFECTS
 from sim.effects import EFFECTS
 
@@ -76,7 +76,7 @@ class Defects:
     @property
     def coarse(self) -> Defect | None:
         """The step as an effect; None where none is seen."""
-        step, wide = self.step, 1.96 * self.counts.sd
+        step, wide = self.step, SD_OF_95 * self.counts.sd
         ends = {"step": (step - wide, step + wide)}
         return _named("sensor_quantization", {"step": step}, ends, 0.0) if step > 0.0 else None
 
@@ -154,7 +154,7 @@ def examine(recording: Recording) -> Defects:
 def _kept(held: Held | None) -> Defect | None:
     if held is None:
         return None
-    ends = {"time": (held.time - 1.96 * held.sd, held.time + 1.96 * held.sd)}
+    ends = {"time": (held.time - SD_OF_95 * held.sd, held.time + SD_OF_95 * held.sd)}
     return _named("held_readings", {"time": held.time}, ends, 0.0)
 
 
@@ -164,7 +164,7 @@ def _absurd(y: Array) -> Mask:
     if not near.any():
         return np.isfinite(y)
     middle = float(np.median(y[near]))
-    spread = float(np.quantile(np.abs(y[near] - middle), 0.99))
+    spread = float(np.quantile(np.abs(y[near] - middle), DEFECTS.nearly_all))
     return np.isfinite(y) & ~(
         near & ((spread == 0.0) | (np.abs(y / DEFECTS.absurd - middle / DEFECTS.absurd) <= spread))
     )
@@ -181,7 +181,7 @@ def _named(
 def _missing(t: Array, present: Mask) -> Defect | None:
     """Rows without a reading, and rows that are not there at all."""
     steps = np.maximum(np.round(np.diff(t) / np.median(np.diff(t))), 1.0).astype(np.int64)
-    there = np.zeros(1 + int(steps.sum()), np.bool_) if steps.sum() < 100 * len(t) else present
+    there = np.zeros(1 + int(steps.sum()), np.bool_) if steps.sum() < DEFECTS.most_rows * len(t) else present
     if there is not present:
         there[np.concatenate([[0], np.cumsum(steps)])] = present
     lost = int(np.count_nonzero(~there))
@@ -189,8 +189,8 @@ def _missing(t: Array, present: Mask) -> Defect | None:
     if lost < DEFECTS.unmentioned_gaps * len(there):
         return None
     rate, length = lost / len(there), lost / gaps
-    spread = math.exp(1.96 * math.sqrt((2.0 - 1.0 / length) / gaps))
-    width = math.exp(1.96 * math.sqrt((1.0 - 1.0 / length) / gaps))
+    spread = math.exp(SD_OF_95 * math.sqrt((2.0 - 1.0 / length) / gaps))
+    width = math.exp(SD_OF_95 * math.sqrt((1.0 - 1.0 / length) / gaps))
     ends = {
         "rate": (rate / spread, min(1.0, rate * spread)),
         "length": (max(1.0, length / width), length * width),
@@ -204,7 +204,7 @@ def clipped(y: Array) -> Mask:
     present = np.flatnonzero(np.isfinite(y))
     seen = y[present]
     steps = np.abs(np.diff(seen))
-    least = 3.0 * float(np.min(steps[steps > 0.0], initial=math.inf))
+    least = DEFECTS.clipped_step * float(np.min(steps[steps > 0.0], initial=math.inf))
     for end in (float(np.max(seen)), float(np.min(seen))):
         for first, last in _runs(seen == end):
             before, behind = steps[max(0, first - 2) : first], steps[last - 1 : last + 1]

@@ -74,7 +74,7 @@ def _weights(times: Array) -> Array:
     return weights
 
 
-def slopes(t: Array, y: Array, reach: int = 3) -> Array:
+def slopes(t: Array, y: Array, reach: int = FOURTH_DIFFERENCES.slope_reach) -> Array:
     """Slope of `y` at each time by a cubic through the `reach` neighbours on either side, shape (n,)."""
     count, tick = len(t), float(np.median(np.diff(t)))
     at = np.clip(np.arange(count), reach, count - 1 - reach)[:, None] + np.arange(-reach, reach + 1)

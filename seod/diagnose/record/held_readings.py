@@ -53,7 +53,8 @@ def held_readings(t: Array, y: Array) -> Held | None:
     period, first = _clock(at)
     numbers = np.ceil((at - first) / period - 0.5 - HELD_READINGS.same_row) if period > 0.0 else at
     late = at - first - numbers * period
-    on_clock = (late > -0.5 * HELD_READINGS.same_row - 0.02) & (late < 1.02)
+    off = HELD_READINGS.off_clock
+    on_clock = (late > -0.5 * HELD_READINGS.same_row - off) & (late < 1.0 + off)
     ticks = numbers[-1] - numbers[0] + 1.0
     if (
         period < HELD_READINGS.least_held
@@ -74,17 +75,19 @@ def _clock(at: Array) -> tuple[float, float]:
     Readings come in the first row after a tick: of all clocks in agreement the latest.
     """
     steps = np.diff(at)
-    usual = steps[steps < 1.5 * float(np.median(steps))]
-    period, reach = float(np.mean(usual)), 16
+    usual = steps[steps < HELD_READINGS.usual_steps * float(np.median(steps))]
+    first_reach = HELD_READINGS.first_reach
+    period, reach = float(np.mean(usual)), first_reach
+    grows = math.ceil((len(at) / first_reach) ** (1.0 / (HELD_READINGS.rounds - 2)))
     for _ in range(HELD_READINGS.rounds):
         near = at[: min(reach, len(at))]
         numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(near) / period), 1.0))])
-        if reach > 16:
+        if reach > first_reach:
             numbers = np.round((near - near[0]) / period)
         period = float(np.polyfit(numbers, near, 1)[0])
         if reach >= len(at):
             break
-        reach = min(reach * max(4, math.ceil((len(at) / 16) ** (1.0 / (HELD_READINGS.rounds - 2)))), len(at))
+        reach = min(reach * max(HELD_READINGS.least_growth, grows), len(at))
     numbers = np.round((at - at[0]) / period)
     left = at - numbers * period
     return period, float(np.min(left[left > np.median(left) - 1.0]))
@@ -95,4 +98,5 @@ def _counts(y: Array) -> bool:
     changes = np.abs(np.diff(y))
     changes = changes[changes > 0.0]
     usual = float(np.median(changes))
-    return bool(np.mean(np.abs(changes - usual) < 1e-3 * usual) > HELD_READINGS.single_counts)
+    same = np.abs(changes - usual) < HELD_READINGS.same_size * usual
+    return bool(np.mean(same) > HELD_READINGS.single_counts)

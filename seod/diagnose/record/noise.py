@@ -33,7 +33,7 @@ def noise_sd(t: Array, y: Array, good: Mask) -> float:
 
 def _differences(t: Array, y: Array, good: Mask, order: int) -> tuple[Array, Mask]:
     tick = float(np.median(np.diff(t)))
-    even = np.abs(np.diff(t) / tick - 1.0) < 0.5
+    even = np.abs(np.diff(t) / tick - 1.0) < NOISE.uneven
     usable = good.copy()
     steps = np.ones(len(t) - order, np.bool_)
     for k in range(order + 1):

@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import log_ndtr, ndtr
 
 from seod.diagnose.record.fourth_differences import NORM, PATTERN
+from seod.diagnose.result import SD_OF_95
 from seod.diagnose.tuning.record import OUTLIERS
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ def outliers(stencils: Stencils, noise: Array) -> Outliers:
     rate = len(rows) / count / seen
     if rate > OUTLIERS.most:
         return Outliers(rows[:0])
-    width = 1.96 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
+    width = SD_OF_95 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
     ends = {
         "rate": (max(0.0, rate - width), min(1.0, rate + width)),
-        "size": (max(0.0, size - 1.96 * sd), size + 1.96 * sd),
+        "size": (max(0.0, size - SD_OF_95 * sd), size + SD_OF_95 * sd),
     }
     return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
@@ -60,7 +61,8 @@ def _jumps(stencils: Stencils, error: Array, noise: Array) -> Mask:
         stencils.samples[:, 4] - stencils.samples[:, 3],
     )
     across = stencils.samples[:, 3] - stencils.samples[:, 1] - before - behind
-    return np.asarray(np.abs(across) > np.maximum(0.6 * np.abs(error), 10.0 * noise))
+    least = np.maximum(OUTLIERS.jump_part * np.abs(error), OUTLIERS.jump_beyond * noise)
+    return np.asarray(np.abs(across) > least)
 
 
 def _corners(stencils: Stencils, error: Array) -> Mask:
@@ -80,7 +82,8 @@ def _alone(stencils: Stencils, noise: Array) -> Mask:
     explained = (around @ PATTERN / NORM) ** 2
     rest = np.sum(around**2, axis=1) - explained
     largest = np.max(np.abs(around), axis=1) <= np.abs(stencils.difference) * (1.0 + 1e-12)
-    return np.asarray(largest & (rest < (1.0 - OUTLIERS.likeness) * explained + 15.0 * (NORM * noise) ** 2))
+    by_noise = OUTLIERS.rest_by_noise * (NORM * noise) ** 2
+    return np.asarray(largest & (rest < (1.0 - OUTLIERS.likeness) * explained + by_noise))
 
 
 def _size(sizes: Array, threshold: float) -> tuple[float, float]:
@@ -92,6 +95,8 @@ def _size(sizes: Array, threshold: float) -> tuple[float, float]:
         return float(np.sum(0.5 * (sizes / size) ** 2)) + len(sizes) * (log_size + seen)
 
     middle = math.log(float(np.sqrt(np.mean(sizes**2))))
-    best = float(minimize_scalar(cost, bounds=(middle - 3.0, middle + 0.1), method="bounded").x)
-    bend = (cost(best + 0.05) - 2.0 * cost(best) + cost(best - 0.05)) / 0.05**2
-    return math.exp(best), math.exp(best) / math.sqrt(max(bend, 0.1))
+    low, high = OUTLIERS.log_sizes
+    best = float(minimize_scalar(cost, bounds=(middle + low, middle + high), method="bounded").x)
+    step = OUTLIERS.log_step
+    bend = (cost(best + step) - 2.0 * cost(best) + cost(best - step)) / step**2
+    return math.exp(best), math.exp(best) / math.sqrt(max(bend, OUTLIERS.least_bend))

@@ -27,7 +27,8 @@ def counts(y: Array, noise: float) -> Counts:
         return Counts()
     exact = _whole_counts(levels, len(y))
     if exact > 0.0:
-        return Counts(exact, STEP.exact * exact / len(levels)) if exact > noise / 2.0 else Counts()
+        seen = exact > STEP.exact_above * noise
+        return Counts(exact, STEP.exact * exact / len(levels)) if seen else Counts()
     return _gathered(y, noise)
 
 
@@ -36,14 +37,15 @@ def _whole_counts(levels: Array, n: int) -> float:
 
     Readings without a step seldom repeat: then there are nearly as many levels as readings.
     """
-    if len(levels) > 0.3 * n:
+    if len(levels) > STEP.few_levels * n:
         return 0.0
     distances = np.diff(levels)
-    step = float(np.min(distances[distances > 1e-9 * float(np.ptp(levels))], initial=math.inf))
+    apart = distances > STEP.same_level * float(np.ptp(levels))
+    step = float(np.min(distances[apart], initial=math.inf))
     if not math.isfinite(step):
         return 0.0
     numbers = distances / step
-    if float(np.max(np.abs(numbers - np.round(numbers)))) > 0.05:
+    if float(np.max(np.abs(numbers - np.round(numbers)))) > STEP.off_multiple:
         return 0.0
     return float(np.ptp(levels) / np.sum(np.round(numbers)))
 
@@ -55,12 +57,14 @@ def _gathered(y: Array, noise: float) -> Counts:
         ((y - np.min(y)) * (STEP.histogram_bins / span)).astype(np.int64), STEP.histogram_bins - 1
     )
     histogram = np.bincount(cells, minlength=STEP.histogram_bins) / len(y)
-    pad = 4
+    pad = STEP.pad
     means = np.abs(np.fft.rfft(histogram, pad * STEP.histogram_bins))
-    finest = int(min(pad * span / max(STEP.within_noise * noise, 1e-300), 0.2 * STEP.histogram_bins))
-    if finest < 8 * pad:
+    most = STEP.finest_part * STEP.histogram_bins
+    finest = int(min(pad * span / max(STEP.within_noise * noise, 1e-300), most))
+    coarsest = STEP.fewest_steps * pad
+    if finest < coarsest:
         return Counts()
-    k = 8 * pad + int(np.argmax(means[8 * pad : finest]))
+    k = coarsest + int(np.argmax(means[coarsest:finest]))
     if means[k] < STEP.gathered or means[k] - _beside(means, k, pad) < STEP.contrast:
         return Counts()
     return _refined(y, pad * span / k, noise)
@@ -68,8 +72,9 @@ def _gathered(y: Array, noise: float) -> Counts:
 
 def _beside(means: Array, k: int, pad: int) -> float:
     """Median of what steps of nearly the same size have."""
-    near = np.abs(np.arange(k - 6 * pad, k + 6 * pad + 1) - k) > 1.5 * pad
-    return float(np.median(means[k - 6 * pad : k + 6 * pad + 1][near]))
+    reach = STEP.near_steps * pad
+    near = np.abs(np.arange(k - reach, k + reach + 1) - k) > STEP.own_steps * pad
+    return float(np.median(means[k - reach : k + reach + 1][near]))
 
 
 def _refined(y: Array, step: float, noise: float) -> Counts:
@@ -80,7 +85,7 @@ def _refined(y: Array, step: float, noise: float) -> Counts:
     """
     order = np.arange(3)
     about = y - np.mean(y)
-    for _ in range(4):
+    for _ in range(STEP.rounds):
         turn = np.angle(np.mean(np.exp(2j * math.pi * about / step)))
         number = np.round(about / step - turn / (2.0 * math.pi))
         slope, offset = np.polyfit(number, about, 1)

@@ -143,7 +143,7 @@ def series(
         t = taken
     t_u = np.maximum.accumulate(t_u)
     noise, period_s = _noise(t, y, good, taken is not None), 1.0 / dominant_hz(t, y, good)
-    least = max(1e-9 * float(np.std(y[good])), math.sqrt(late))
+    least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
     noise = max(noise, least) if math.isfinite(noise) else least
     slack, level, allowed = 0.0, noise, noise
     if step > 0.0:
@@ -200,7 +200,7 @@ def _held(x: Array) -> Array:
 def _relative(ps: Array | None, nominal: float | None) -> Array:
     if ps is None:
         return np.empty(0)
-    return np.maximum(_held(ps) / (nominal or float(np.nanmedian(ps))), 0.01)
+    return np.maximum(_held(ps) / (nominal or float(np.nanmedian(ps))), SERIES.least_supply)
 
 
 def _above(values: Array | None, nominal: float | None) -> Array:
@@ -232,7 +232,7 @@ def _window_s(t: Array, period_s: float) -> float:
 
 def dominant_hz(t: Array, y: Array, good: Mask) -> float:
     """Frequency at which the detrended `y` has its largest line [Hz]."""
-    count = min(len(t), 8 * SERIES.finest)
+    count = min(len(t), SERIES.most_spectrum_rows)
     even = np.linspace(t[0], t[-1], count)
     signal = np.interp(even, t[good], y[good])
     line = np.polynomial.Polynomial.fit(even, signal, 1)

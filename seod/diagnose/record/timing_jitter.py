@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.record.fourth_differences import CORRELATED, NORM, slopes
+from seod.diagnose.result import SD_OF_95
 from seod.diagnose.tuning.record import TIMING_JITTER
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def timing_jitter(stencils: Stencils, t: Array, y: Array) -> Jitter:
         return Jitter()
     if not _grows(steepness / scale, square, level, growth) or not _alternates(stencils, steep):
         return Jitter()
-    low, high = (math.sqrt(max(0.0, growth + side * 1.96 * sd) / scale) for side in (-1.0, 1.0))
+    low, high = (math.sqrt(max(0.0, growth + side * SD_OF_95 * sd) / scale) for side in (-1.0, 1.0))
     p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
     return Jitter(math.sqrt(growth / scale), (low, high), p_value, level, steep)
 
@@ -56,7 +57,7 @@ def _line(x: Array, square: Array) -> tuple[float, float, float]:
     """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
     level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
     for _ in range(TIMING_JITTER.rounds):
-        expected = np.maximum(level + growth * x, 1e-3 * max(level, growth) + 1e-300)
+        expected = np.maximum(level + growth * x, TIMING_JITTER.least_expected * max(level, growth) + 1e-300)
         near = square < TIMING_JITTER.events * expected
         a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]
         normal = np.linalg.pinv(a.T @ a)

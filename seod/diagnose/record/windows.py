@@ -179,8 +179,9 @@ def can_be_scored(recording: Series, first: int, last: int) -> bool:
 def _within(recording: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
     """First and last rows of a block's windows."""
     t = recording.t[first:last]
-    begin = t[0] + min(WINDOWS.skipped_s, 0.05 * float(t[-1] - t[0]))
-    count = round(finer * max(SERIES.fewest_windows, int((t[-1] - begin) / recording.window_s + 1e-6)))
+    begin = t[0] + min(WINDOWS.skipped_s, WINDOWS.skipped_part * float(t[-1] - t[0]))
+    usual = int((t[-1] - begin) / recording.window_s + WINDOWS.rounding)
+    count = round(finer * max(SERIES.fewest_windows, usual))
     edges = np.linspace(begin, t[-1] + 0.5 * recording.tick, count + 1)
     rows = first + np.searchsorted(t, edges - WINDOWS.at_edge * recording.tick)
     return [(int(a), int(b)) for a, b in pairwise(rows)]
@@ -231,7 +232,7 @@ def segments(whole: Cut, longest_s: float | None = None) -> Cut:
     for k, first, last in whole.windows:
         one = whole.series[k]
         length = max(WINDOWS.segment_s, one.period_s) if longest_s is None else longest_s
-        count = math.ceil((one.t[last - 1] - one.t[first]) / length - 0.05)
+        count = math.ceil((one.t[last - 1] - one.t[first]) / length - WINDOWS.segment_longer)
         count = max(1, min(count, (last - first) // WINDOWS.least_segment_rows))
         edges = np.linspace(first, last, count + 1).astype(int).tolist()
         out += [(k, a, b) for a, b in pairwise(edges) if one.good[a:b].any()]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WIDE: Final = 940.0
 _SHOWN: Final = 12.0
 """Periods of the plant's frequency that the overlay shows."""
-_BLOCKS: Final = 40
+_BLOCKS_SHOWN: Final = 40
 """In which errors are shown over time."""
 _MOST_WHOLE: Final = 4
 """Recordings that are drawn as a whole."""
@@ -94,7 +94,7 @@ def _whole(p: Pictures, k: int, one: Whole) -> str:
 
 def over_blocks(p: Pictures) -> str:
     """Rms error of blocks of the windows, by their place in the recording."""
-    parts = -(-_BLOCKS // len(p.windows))
+    parts = -(-_BLOCKS_SHOWN // len(p.windows))
     middle = np.concatenate([[np.mean(b) for b in np.array_split(w.t, parts)] for w in p.windows])
     curves = [Curve(middle, _rms(left, parts), label, colour, dots=True) for label, colour, left in p.models]
     noise = np.repeat([p.noise(w) for w in p.windows], parts)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from seod.diagnose.report.units import Units
 from seod.diagnose.report.words import free_run, free_run_names, interval, of_record, percent, what_it_is
+from seod.diagnose.result import SD_OF_95
 from seod.plots.page import table
 from seod.terminal.text import figure, number, with_sd
 
@@ -48,7 +49,7 @@ def _whole(score: Score) -> str:
 
 def _value(score: Score, name: str) -> str:
     value, sd = getattr(score, name), score.sd.get(name)
-    return with_sd(value, 1.96 * sd) if sd else figure(value, 5)
+    return with_sd(value, SD_OF_95 * sd) if sd else figure(value, 5)
 
 
 def effects(d: Diagnosis, unit: str) -> str:

@@ -18,6 +18,7 @@ from seod.diagnose.report.words import (
     of_record,
     percent,
 )
+from seod.diagnose.result import SD_OF_95
 from seod.terminal import console
 from seod.terminal.text import figure, number, with_sd
 
@@ -71,7 +72,8 @@ def _score(score: Score) -> list[str]:
     low, high = score.holdout_ci95
     wide = f" [{figure(100.0 * low, 3)}, {figure(100.0 * high, 3)}]" if math.isfinite(high) else ""
     values = [
-        with_sd(getattr(score, name), 1.96 * score.sd.get(name, 0.0)) for name in ("omega_n", "zeta", "K_L")
+        with_sd(getattr(score, name), SD_OF_95 * score.sd.get(name, 0.0))
+        for name in ("omega_n", "zeta", "K_L")
     ]
     return [f"{percent(score.holdout_nrmse)}{wide}", whole, *values]
 

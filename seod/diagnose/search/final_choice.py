@@ -145,5 +145,6 @@ def plainest(some: Sequence[Fitted]) -> Fitted:
 
 def finalists(best: Sequence[Fitted]) -> list[Fitted]:
     """Sets that deserve a fit to all windows: those near the best, smaller ones first."""
-    near = [one for one in best if one.cost < best[0].cost + 2.0 * least_gain(best[0].cut)]
+    reach = FINAL_CHOICE.near_best
+    near = [one for one in best if one.cost < best[0].cost + reach * least_gain(best[0].cut)]
     return sorted(near, key=lambda one: (len(one.model.names), one.cost))[: FINAL_CHOICE.finalists]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Array, Diagnosis, Window
 
 _DRAWS: Final = 2000
-_BLOCKS: Final = 20
+_FEWEST_BLOCKS: Final = 20
 """Blocks to draw from, at least; a window is divided where there are fewer windows."""
 
 
@@ -28,7 +28,7 @@ def interval(windows: Sequence[Window], errors: Sequence[Array], seed: int = 1) 
         seed: Of the draws.
     """
     sums = np.concatenate(
-        [_blocks(w, e, -(-_BLOCKS // len(windows))) for w, e in zip(windows, errors, strict=True)]
+        [_blocks(w, e, -(-_FEWEST_BLOCKS // len(windows))) for w, e in zip(windows, errors, strict=True)]
     )
     draws = np.random.default_rng(seed).integers(0, len(sums), (_DRAWS, len(sums)))
     drawn = sums[draws].sum(axis=1)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.result import Array
 
-_ALIKE: Final = 0.9
+_REPEATS_ALIKE: Final = 0.9
 """Autocorrelation of an input one period later, at least."""
 _PERIODS: Final = 3
 """Fewest in a window."""
@@ -50,7 +50,7 @@ def _first_peak(alike: Array, start: int) -> float | None:
     """The first of the peaks that are as high as the highest."""
     rest = alike[start:]
     best = float(rest.max())
-    if best < _ALIKE:
+    if best < _REPEATS_ALIKE:
         return None
     inner = (
         np.flatnonzero((rest[1:-1] >= rest[:-2]) & (rest[1:-1] > rest[2:]) & (rest[1:-1] > 0.97 * best)) + 1

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.result import SD_OF_95
+
 if TYPE_CHECKING:
     from seod.diagnose.result import Array
 
@@ -52,7 +54,7 @@ def binned(x: Array, residual: Array, correlated: float = 1.0) -> Binned:
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(count >= _FEWEST, total / count, np.nan)
         spread = np.sqrt(np.maximum(squares / count - mean**2, 0.0))
-        half = 1.96 * spread / np.sqrt(np.maximum(count / correlated, 1.0))
+        half = SD_OF_95 * spread / np.sqrt(np.maximum(count / correlated, 1.0))
         return Binned(own / count, mean, mean - half, mean + half)
 
 

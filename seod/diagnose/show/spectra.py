@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from scipy.signal import welch
 
+from seod.diagnose.result import SD_OF_95
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
 
 _SEGMENT: Final = 2048
 """Longest segment of a spectrum [samples]."""
-_BEYOND: Final = 1.96
-"""Standard deviations of the bounds: 95 % of all lags lie within where nothing is left."""
 
 
 def spectrum(segments: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
@@ -48,7 +48,7 @@ def autocorrelation(segments: Sequence[Array], lags: int) -> Correlation:
     """Of segments of a residual, up to so many samples."""
     value = _correlation([(segment, segment) for segment in segments], lags)[lags:]
     count = sum(len(segment) for segment in segments)
-    return Correlation(np.arange(lags + 1.0), value, _BEYOND / math.sqrt(count))
+    return Correlation(np.arange(lags + 1.0), value, SD_OF_95 / math.sqrt(count))
 
 
 def cross_correlation(inputs: Sequence[Array], residuals: Sequence[Array], lags: int) -> Correlation:
@@ -59,7 +59,7 @@ def cross_correlation(inputs: Sequence[Array], residuals: Sequence[Array], lags:
     )
     a, b = own
     count = sum(len(segment) for segment in residuals)
-    bound = _BEYOND * math.sqrt(max(1.0, float(np.sum(a * b))) / count)
+    bound = SD_OF_95 * math.sqrt(max(1.0, float(np.sum(a * b))) / count)
     return Correlation(np.arange(-lags, lags + 1.0), value, bound)
 
 

@@ -122,7 +122,8 @@ def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> li
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
     slowest = max(BASELINE.lowest_frequency * omega, _slowest(cut))
-    frequencies = np.geomspace(slowest, max(0.5 / one.tick, 2.0 * slowest), BASELINE.frequencies)
+    fastest = max(BASELINE.fastest_ticks / one.tick, BASELINE.least_range * slowest)
+    frequencies = np.geomspace(slowest, fastest, BASELINE.frequencies)
     points = product(frequencies.tolist(), BASELINE.dampings)
     return sorted(
         parallel(lambda at: _grid_point(cut, sees_speed, fixed, at), points), key=lambda one: one.cost
@@ -177,7 +178,7 @@ def _slowest(cut: Cut) -> float:
 
 def _plain(point: _GridPoint, cut: Cut) -> Fitted:
     model, x = _begun(point, cut)
-    return fit(model, cut, x, simulated_states(model, x, cut), most=20)
+    return fit(model, cut, x, simulated_states(model, x, cut), most=BASELINE.fit_steps)
 
 
 def _biased(point: _GridPoint, cut: Cut) -> _GridPoint:
@@ -185,7 +186,7 @@ def _biased(point: _GridPoint, cut: Cut) -> _GridPoint:
     plain, x = _begun(point, cut)
     model = plain.with_effect(OFFSET)
     x = model.searched({**plain.values(x), OFFSET_PLACE: point.bias})
-    found = fit(model, cut, x, simulated_states(model, x, cut), most=20)
+    found = fit(model, cut, x, simulated_states(model, x, cut), most=BASELINE.fit_steps)
     values = model.values(found.x)
     K_L, omega_n, zeta = (values[name] for name in BASE)
     return point._replace(cost=found.cost, K_L=K_L, omega_n=omega_n, zeta=zeta)

@@ -28,7 +28,7 @@ def effect_starts(parent: Fitted, name: str, cut: Cut) -> tuple[Values, ...]:
         return unsigned_starts(parent.model, name, cut) if bare(parent.model.names) else ()
     if CAUSES[name].wave is None:
         return searched.starts
-    size = 0.1 * searched.coordinates[0].scale
+    size = EFFECT_STARTS.wave_size * searched.coordinates[0].scale
     begun = wave_starts(name, _residual_lines(parent, name, cut), size)
     return begun + _where_it_oscillates(parent, size, cut) if name == SHAKES else begun
 
@@ -56,7 +56,8 @@ def _where_it_oscillates(parent: Fitted, size: float, cut: Cut) -> tuple[Values,
 def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     """What the residual of all windows shows of a wave."""
     model, x = parent.model, parent.x
-    start = settle(model, cut, x, simulated_states(model, x, cut), cut.good, most=2)
+    begun = simulated_states(model, x, cut)
+    start = settle(model, cut, x, begun, cut.good, most=EFFECT_STARTS.settling_steps)
     simulated, states = inside(model.record(x), cut, start)
     y, position, speed = cut.y, states[:, POSITION], None
     residual = np.where(cut.good, y - simulated, 0.0)

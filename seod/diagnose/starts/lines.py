@@ -66,7 +66,7 @@ def _peaks(signal: Array, step: float, lowest: int) -> list[float]:
         if power[peak] <= 0.0:
             break
         found.append(2.0 * math.pi * _summit(power, peak) / (size * step))
-        power[max(0, peak - 3 * LINES.finer) : peak + 3 * LINES.finer] = 0.0
+        power[max(0, peak - LINES.width * LINES.finer) : peak + LINES.width * LINES.finer] = 0.0
     return found
 
 

@@ -31,7 +31,7 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
     return Scales(
         volts=max(float(np.max(np.abs(one.u))) for one in used),
         speed=max(float(np.std(speed)), SIZES.least),
-        pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), 0.95)), SIZES.least),
+        pressure=max(float(np.quantile(np.abs(states[:, PRESSURE]), SIZES.usual_pressures)), SIZES.least),
         centre=float(np.mean(places)),
         travel=max(float(np.ptp(places)), SIZES.least),
         peak_to_peak=_peak_to_peak(position, speed, cut),
@@ -41,10 +41,10 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         middle=0.5 * float(np.min(places) + np.max(places)),
         sees_speed=fitted.model.sees_speed,
         step=0.0 if fitted.model.sees_speed else max(one.step for one in used),
-        warmer=_range([one.warmth for one in used]) > 0.5,
+        warmer=_range([one.warmth for one in used]) > SIZES.warmer,
         relayed=cut.relayed,
         levels=_levels(used),
-        pressed=_range([one.supply for one in used]) > 0.02,
+        pressed=_range([one.supply for one in used]) > SIZES.pressed,
         force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
         reading=max(SIZES.least, *(float(np.max(np.abs(one.y[one.good]))) for one in used)),
     )
@@ -74,5 +74,6 @@ def _peak_to_peak(position: Array, speed: Array, cut: Cut) -> float:
     for rows in cut.slices:
         turns = np.flatnonzero(np.diff(np.sign(speed[rows])))
         moves += np.abs(np.diff(position[rows][turns])).tolist()
-    moved = float(np.median(moves)) if len(moves) > 3 else float(np.ptp(position[cut.slices[0]]))
+    several = len(moves) > SIZES.few_moves
+    moved = float(np.median(moves)) if several else float(np.ptp(position[cut.slices[0]]))
     return max(moved, SIZES.least)

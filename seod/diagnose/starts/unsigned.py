@@ -36,7 +36,7 @@ def without_sign(cut: Cut) -> bool:
     for k in {k for k, _, _ in cut.windows}:
         one = cut.series[k]
         y = one.y[one.good]
-        least, span = float(np.quantile(y, 1e-3)), float(np.ptp(y))
+        least, span = float(np.quantile(y, UNSIGNED.outliers)), float(np.ptp(y))
         if (
             least < -UNSIGNED.below * one.noise - one.step - UNSIGNED.below_part * span
             or least > UNSIGNED.near_zero * span
@@ -91,7 +91,8 @@ def _grid(model: Model, wide: Cut) -> Iterator[_Point]:
     """Natural frequencies and damping ratios, each with its best gain."""
     tick = max(recording.tick for recording in wide.series)
     slowest = math.pi / min(float(wide.series[k].t[b - 1] - wide.series[k].t[a]) for k, a, b in wide.windows)
-    frequencies = np.geomspace(4.0 * slowest, max(0.6 / tick, 8.0 * slowest), UNSIGNED.frequencies)
+    fastest = max(UNSIGNED.fastest_ticks / tick, UNSIGNED.fastest * slowest)
+    frequencies = np.geomspace(UNSIGNED.slowest * slowest, fastest, UNSIGNED.frequencies)
     y, good = wide.y, wide.good
     for omega_n, zeta in product(frequencies.tolist(), UNSIGNED.dampings):
         x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
@@ -113,7 +114,7 @@ def _gain(y: Array, shape: Array, begin: Array, *, sees_speed: bool) -> tuple[fl
         tried = np.array([gain])
     else:
         usual = float(np.ptp(y)) / max(float(np.ptp(shape)), 1e-300)
-        sizes = usual * np.geomspace(0.4, 4.0, UNSIGNED.places)
+        sizes = usual * np.geomspace(*UNSIGNED.gains, UNSIGNED.places)
         tried = np.concatenate([sizes, -sizes])
     errors = np.array([float(np.mean((np.abs(begin + each * shape) - y) ** 2)) for each in tried])
     best = int(
@@ -131,7 +132,7 @@ def _signed(model: Model, point: _Point, cut: Cut, wide: Cut) -> list[Values]:
         given = _given_sign(own, x, cut, wide)
         biased = own.with_effect(OFFSET)
         x = biased.searched(values | {c.place: 0.0 for c in biased.coordinates[len(BASE) :]})
-        found = fit(biased, given, x, simulated_states(biased, x, given), most=8)
+        found = fit(biased, given, x, simulated_states(biased, x, given), most=UNSIGNED.signed_steps)
         values = {of: found.model.values(found.x)[of] for of in BASE}
     return [values]
 

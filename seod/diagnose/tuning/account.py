@@ -33,6 +33,14 @@ class BlackBox:
     """[-] Parts of the largest command, and pressure, from which on a further slope is tried. Chosen."""
     lags: tuple[float, ...] = (0.5, 1.0, 2.0)
     """[rad] Earlier commands, times omega_n. Chosen."""
+    stribeck: float = 0.2
+    """[-] Part of the largest speed at which a friction that falls with speed has fallen to 37 %. Chosen:
+    four times `sharp`."""
+    unlisted_wave: float = 2.7
+    """[-] Half waves over the travel, of a force that is added to see whether it is shown. Chosen: none of
+    the `waves`."""
+    unlisted_limit: float = 0.4
+    """[-] Part of the largest command at which it is likewise cut off. Chosen: none of the `hinges`."""
     added: tuple[float, ...] = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
     """[-] Mean squares of systematic parts that are added to see whether they are shown, over that of what is
     left. Chosen."""
@@ -84,6 +92,10 @@ class NoiseColour:
     """[rows] Order, at most. Chosen."""
     enough: float = 2.0
     """[-] Log likelihood by which a longer memory has to be better. Chosen."""
+    decays: float = 20.0
+    """[-] Time constants of the slowest part, after which nothing is left. Chosen."""
+    most_rows: int = 1_000_000
+    """[rows] Of it, at most. Chosen."""
     rows_each: int = 20
     """[rows] For each coefficient, at least. Chosen."""
 
@@ -114,6 +126,8 @@ class Yardstick:
 
     orders: tuple[int, ...] = (2, 3, 4)
     """[-] Of the ARX: Eq. 1 has two or three, a lag or a delay adds one. Chosen."""
+    rows_each: int = 4
+    """[rows] For each of its weights, at least. Chosen."""
     rates: tuple[float, ...] = (16.0, 48.0, 144.0)
     """[rows] In a dominant period. Chosen."""
     ridges: tuple[float, ...] = (1e-6, 1e-3, 0.1)
@@ -124,6 +138,8 @@ class Yardstick:
     """[-] Part of the largest change at which its sign is taken for a step. Chosen."""
     gone_beyond: float = 10.0
     """[ranges] Of the record beyond which a simulation has run away. Chosen."""
+    unstable: float = 1e-6
+    """[-] Size of a pole above 1 from which on an ARX is none: rounding of one that integrates. Chosen."""
 
 
 YARDSTICK: Final = Yardstick()

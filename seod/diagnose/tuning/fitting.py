@@ -35,6 +35,17 @@ FREE_RUN: Final = FreeRun()
 
 
 @dataclass(frozen=True, slots=True)
+class LinearGain:
+    """K_L and a load bias by one linear step."""
+
+    bias: float = 1e-2
+    """[-] Load bias that is simulated, over the load pressure. Chosen: small, it acts in proportion."""
+
+
+LINEAR_GAIN: Final = LinearGain()
+
+
+@dataclass(frozen=True, slots=True)
 class LoadDrift:
     """A load that grows with time, in one run of each recording."""
 
@@ -58,6 +69,9 @@ class HeldOut:
     some percent, and initial states fitted to a fifth of a window add theirs. Chosen."""
     diverged: float = 10.0
     """[ranges] Of the recording, beyond which a simulation has run away. Chosen."""
+    rows_to_settle: float = 0.25
+    """[-] Part of a recording's rows, not held out, above which the initial state of one run is fitted to
+    them. Chosen."""
 
 
 HELD_OUT: Final = HeldOut()
@@ -96,14 +110,30 @@ class Fit:
     percent. Chosen."""
     least_improvement: float = 1e-4
     """[-] Of the mean log error, below which a fit has ended. Chosen."""
+    state_step: float = 1e-3
+    """[-] Change of a state by which derivatives are taken, over its size in the recordings. Chosen."""
     state_step_part: float = 0.05
     """[-] Change of a state by which derivatives are taken, over its range, at most. Chosen."""
     state_part: float = 0.3
     """[-] Of a step of a window's initial state, where all of it is too far. Chosen."""
     settling_steps: int = 2
     """[steps] Of the initial states alone, where a step of the numbers is too far. Chosen."""
+    states_steps: int = 6
+    """[steps] Of the initial states alone, the numbers given, where nothing else is said. Chosen."""
+    first_damping: float = 1e-2
+    """[-] Levenberg's and Marquardt's, with which a fit begins. Chosen."""
+    damping_factor: float = 6.0
+    """[-] By which it grows where a step does not improve, and falls after one that does. Chosen."""
+    least_damping: float = 1e-9
+    """[-] Down to which it falls. Chosen: as good as none."""
     dampings_tried: int = 4
     """[-] Of one step, until it improves. Chosen."""
+    dampings_tried_softened: int = 8
+    """[-] Likewise where jumps of a reading are fitted as ramps. Chosen: twice as many."""
+    negligible: float = 1e-3
+    """[-] Error of a window over the noise that makes no difference. Chosen."""
+    negligible_coarse: float = 0.5
+    """[-] The same of a coarse sensor's: beyond its step there may be no error at all. Chosen."""
     ahead: float = 0.1
     """[-] Part of a step at which the second derivative along it is taken. Chosen."""
     bend: float = 0.5
@@ -148,6 +178,8 @@ SIMULATION: Final = Simulation()
 class Uncertainty:
     """Intervals and p-values."""
 
+    fewest_compared: int = 3
+    """[segments] Without which nothing is said of a gain. Chosen."""
     fewest_segments: int = 24
     """[segments] Of the held-out windows that are compared. Chosen."""
     near_limit: float = 1e-6

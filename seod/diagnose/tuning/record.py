@@ -51,6 +51,8 @@ class CoarseSensor:
     there_and_back: float = 0.1
     """[-] Of the mean time between two steps: a change and its contrary within it are noise, no movement.
     Chosen."""
+    there_and_back_rows: float = 2.0
+    """[rows] The same, at least. Chosen."""
 
 
 COARSE: Final = CoarseSensor()
@@ -67,6 +69,12 @@ class Columns:
     """[-] Correlation of two columns that are one signal. Chosen."""
     unit_tolerance: float = 0.15
     """[-] Logarithm by which a ratio may miss the unit's. Chosen."""
+    fewest_samples: int = 50
+    """[rows] With u and y, without which columns are not looked at. Chosen."""
+    few_values: int = 20
+    """[-] Values of a column that takes few, fewer than that. Chosen."""
+    large_step: float = 0.3
+    """[-] Largest change of such a one from row to row, over its range, above which it steps. Chosen."""
 
 
 COLUMNS: Final = Columns()
@@ -78,6 +86,20 @@ class CommandPeriod:
 
     repeats_alike: float = 0.9
     """[-] Correlation of the command with itself a period later. Chosen."""
+    near_best: float = 0.97
+    """[-] The same over the largest of all, from which on the first one is the period. Chosen."""
+    unlike: float = 0.5
+    """[-] Correlation below which a later command is another one: periods are looked for after it. Chosen."""
+    fewest_periods: int = 3
+    """[periods] Of a command that repeats, at least. Chosen."""
+    same_peak: float = 0.25
+    """[-] Part of the first period that comes near, within which the best one is taken. Chosen."""
+    compared_part: float = 0.75
+    """[-] Part of a recording up to which later periods are compared with the first. Chosen."""
+    lowest: float = 0.5
+    """[-] Order of a harmonic, at least. Chosen."""
+    lowest_of_relay: float = 1.5
+    """[-] The same under a relay: it may have locked to a disturbance of its own frequency. Chosen."""
     harmonics: int = 6
     """[-] Of the command, with which a disturbance can be in step; above it is hardly an answer. Chosen."""
     shortest_s: float = 1.0
@@ -130,6 +152,13 @@ class Defects:
     """[sd] Of the noise, within which a simulation reads what a sample does. Chosen."""
     clipped_readings: int = 4
     """[rows] In a row that stand at the end of the range. Chosen."""
+    clipped_step: float = 3.0
+    """[-] Change with which they come there, over the least change of y. Chosen: slower ones are a turn."""
+    nearly_all: float = 0.99
+    """[-] Part of the readings whose spread is that of `absurd`. Chosen."""
+    most_rows: int = 100
+    """[-] Rows that there would be without pauses, over those that there are, from which on the pauses count
+    as no missing samples. Chosen."""
 
 
 DEFECTS: Final = Defects()
@@ -141,6 +170,8 @@ class FourthDifferences:
 
     too_wide: float = 6.0
     """[intervals] That five samples without a gap span at most (4 of them). Chosen."""
+    slope_reach: int = 3
+    """[rows] On either side, through which a cubic tells the slope. Chosen."""
 
 
 FOURTH_DIFFERENCES: Final = FourthDifferences()
@@ -166,6 +197,16 @@ class HeldReadings:
     """[rows] By which a reading may seem to come too early: rounding of times. Chosen."""
     rounds: int = 6
     """[-] Of fitting the clock: each one settles the numbers of ticks farther on. Chosen."""
+    first_reach: int = 16
+    """[readings] To which the clock is fitted first. Chosen."""
+    least_growth: int = 4
+    """[-] Times as many readings in each further round, at least. Chosen."""
+    usual_steps: float = 1.5
+    """[-] Steps between readings over their median, below which they are one tick. Chosen."""
+    off_clock: float = 0.02
+    """[rows] By which a reading may miss the first row after a tick. Chosen: the clock is fitted."""
+    same_size: float = 1e-3
+    """[-] Part of a change by which one of the same size may differ. Chosen."""
 
 
 HELD_READINGS: Final = HeldReadings()
@@ -180,6 +221,8 @@ class Noise:
     Chosen."""
     event_beyond: float = 5.0
     """[sd] Beyond which a difference is an event, not noise. Chosen."""
+    uneven: float = 0.5
+    """[intervals] By which one may be longer or shorter for its samples to count. Chosen."""
     fewest: int = 50
     """[differences] Without which an order tells nothing. Chosen."""
 
@@ -204,6 +247,21 @@ class Outliers:
     corner three. Chosen."""
     fewest: int = 3
     """[rows] That are called outliers: fewer are chance. Chosen."""
+    jump_part: float = 0.6
+    """[-] Change of the signal's level across a sample, over its error, above which the signal jumps.
+    Chosen."""
+    jump_beyond: float = 10.0
+    """[sd] Of the noise, the same at least. Chosen."""
+    rest_by_noise: float = 15.0
+    """[-] Squares of five neighbouring differences that noise may leave beside the pattern, over the mean of
+    one by noise. Chosen: three for each."""
+    log_sizes: tuple[float, float] = (-3.0, 0.1)
+    """[-] Logarithm of the outliers' deviation over the rms of those that are seen, from and to. Chosen: of
+    a small deviation only the largest are seen."""
+    log_step: float = 0.05
+    """[-] Change of it by which its second derivative is taken. Chosen."""
+    least_bend: float = 0.1
+    """[-] That derivative of the log likelihood, at least. Chosen: the interval stays finite."""
 
 
 OUTLIERS: Final = Outliers()
@@ -215,15 +273,36 @@ class SensorStep:
 
     fewest_levels: int = 3
     """[levels] Of readings without which there is no step to look for. Chosen."""
+    few_levels: float = 0.3
+    """[-] Levels over readings, at most, of a sensor that reads whole counts. Chosen."""
+    same_level: float = 1e-9
+    """[-] Part of the range by which one level may be told in two ways: rounding. Chosen."""
+    off_multiple: float = 0.05
+    """[steps] By which a distance of two levels may miss whole counts. Chosen."""
+    exact_above: float = 0.5
+    """[sd] Of the noise, above which a step of whole counts is one. Chosen."""
     histogram_bins: int = 1 << 17
     """[bins] Of the histogram whose spectrum tells the circular mean for all steps at once. Chosen: a
     power of two."""
+    pad: int = 4
+    """[-] Points of that spectrum over those of an unpadded one. Chosen: steps between are nearly as near."""
+    finest_part: float = 0.2
+    """[-] Points of the spectrum that are searched, over the histogram's bins. Chosen: a step is 20 bins
+    wide at least."""
+    fewest_steps: int = 8
+    """[steps] Over the range, at least. Chosen: more than `near_steps`."""
+    near_steps: int = 6
+    """[steps] More or fewer over the range, up to which a step is of nearly the same size. Chosen."""
+    own_steps: float = 1.5
+    """[steps] Up to which it is the same one. Chosen."""
     gathered: float = 0.5
     """[-] Circular mean of readings that lie on a lattice. Measured: noise of a fifth of a step leaves
     0.45."""
     contrast: float = 0.35
     """[-] By which it stands out among steps of nearly the same size: readings at rest gather for all of
     them. Chosen."""
+    rounds: int = 4
+    """[-] Of fitting the step to whole counts. Chosen."""
     exact: float = 1e-3
     """[steps] By which readings of whole counts may be off. Chosen."""
     beside: float = 1.5
@@ -253,9 +332,12 @@ class Series:
     """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
-    finest: int = 1 << 15
-    """[rows] Of the spectrum that shows the dominant period, an eighth of the most. Chosen: a power of
-    two."""
+    most_spectrum_rows: int = 1 << 18
+    """[rows] Of the spectrum that shows the dominant period. Chosen: a power of two."""
+    least_noise: float = 1e-9
+    """[-] Noise over the deviation of y, at least. Chosen: readings without any are weighed, too."""
+    least_supply: float = 0.01
+    """[-] Supply pressure over the nominal one, at least. Chosen: it is divided by."""
 
 
 SERIES: Final = Series()
@@ -299,6 +381,8 @@ class TimingJitter:
     """[-] Squared differences over the expected ones beyond which they are corners of the signal. Chosen."""
     rounds: int = 8
     """[-] Of weighing squares by what was found. Chosen."""
+    least_expected: float = 1e-3
+    """[-] Square that is expected, over the larger of level and growth, at least. Chosen."""
 
 
 TIMING_JITTER: Final = TimingJitter()
@@ -320,6 +404,13 @@ class Windows:
     skipped_s: float = 0.1
     """[s] Of a recording's start: the commands before it, which delay and lag still show, are unknown.
     Chosen."""
+    skipped_part: float = 0.05
+    """[-] Of its length, the same at most. Chosen."""
+    rounding: float = 1e-6
+    """[windows] By which a recording may miss a whole number of them: its times are rounded. Chosen."""
+    segment_longer: float = 0.05
+    """[-] By which a segment may be longer than said before it is divided once more: part of its length,
+    for all of a window. Chosen."""
     settling_rows: int = 20
     """[rows] In the first fifth of a window, without which its initial state is that of one run of the whole
     recording: up to seven numbers are fitted to them. Chosen."""

@@ -75,6 +75,9 @@ class FinalChoice:
 
     finalists: int = 3
     """[sets] That are fitted to all windows. Chosen."""
+    near_best: float = 2.0
+    """[-] Mean log error of a set above the best, over what an effect must save, up to which it is one of
+    these. Chosen."""
     of_size: int = 2
     """[sets] Of each size that are fitted to whole recordings, where none comes down to the noise.
     Chosen."""

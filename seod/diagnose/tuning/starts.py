@@ -16,6 +16,12 @@ class Baseline:
     """[-] zeta. Chosen."""
     frequencies: int = 14
     """[-] Frequencies of it. Chosen."""
+    fastest_ticks: float = 0.5
+    """[rad] Its largest omega_n times the sampling interval: 13 samples a period. Chosen."""
+    least_range: float = 2.0
+    """[-] Its largest omega_n over its least, at least. Chosen."""
+    fit_steps: int = 20
+    """[steps] Of a fit from a point of it, with a load bias or without. Chosen: nothing is known yet."""
     lowest_frequency: float = 0.3
     """[-] Searched frequency over the dominant one, at least; half a period is in each window, too.
     Chosen."""
@@ -51,6 +57,11 @@ BASELINE: Final = Baseline()
 class EffectStarts:
     """Where effects begin."""
 
+    wave_size: float = 0.1
+    """[-] Amplitude with which a wave begins, over the size in whose steps it is searched. Chosen: small, a
+    first step finds the right one."""
+    settling_steps: int = 2
+    """[steps] Of the initial states of a parent whose residual's lines are looked for. Chosen."""
     little_damped: float = 0.3
     """[-] zeta below which a plant's own oscillation may be a disturbance. Chosen."""
     other_plant: float = 0.3
@@ -71,6 +82,9 @@ class Lines:
     """[bins] Of readings over the place. Chosen."""
     finer: int = 4
     """[-] Points of the spectrum over those of an unpadded one. Chosen."""
+    width: int = 3
+    """[-] Points of an unpadded one, either way, that belong to a line: no other is looked for there.
+    Chosen: beyond its main lobe."""
 
 
 LINES: Final = Lines()
@@ -192,6 +206,14 @@ class Sizes:
     """[any] Of speed, pressure, travel and oscillation: of a load that stands still they are 0. Chosen."""
     outliers_of_travel: float = 1e-3
     """[-] Part of the samples at each end of the travel that do not count: outliers. Chosen."""
+    usual_pressures: float = 0.95
+    """[-] Part of the load pressures that are at most the size of it. Chosen: it is seldom exceeded."""
+    warmer: float = 0.5
+    """[K] Range of the temperature above which it changes. Chosen."""
+    pressed: float = 0.02
+    """[-] Range of the supply pressure over the nominal one, above which it changes. Chosen."""
+    few_moves: int = 3
+    """[-] Movements between reversals up to which the travel stands for them. Chosen."""
 
 
 SIZES: Final = Sizes()
@@ -201,6 +223,8 @@ SIZES: Final = Sizes()
 class Unsigned:
     """A sensor that reads without a sign."""
 
+    outliers: float = 1e-3
+    """[-] Part of the readings below the one that counts as the least. Chosen."""
     below: float = 5.0
     """[sd] Of the noise, below the least reading that any may be; beside a part of y's range. Chosen."""
     below_part: float = 0.05
@@ -208,12 +232,20 @@ class Unsigned:
     near_zero: float = 0.1
     """[-] Part of the range of y within which the least reading is, of a sensor that was at 0. Chosen."""
     frequencies: int = 12
-    """[-] Frequencies of the grid, up to a tenth of the sampling rate. Chosen."""
+    """[-] Frequencies of the grid. Chosen."""
+    slowest: float = 4.0
+    """[-] Its least omega_n, over half a period in the shortest recording. Chosen: two periods."""
+    fastest: float = 8.0
+    """[-] Its largest, likewise, at least. Chosen: twice the least."""
+    fastest_ticks: float = 0.6
+    """[rad] Its largest times the sampling interval. Chosen: a tenth of the sampling rate."""
     dampings: tuple[float, ...] = (0.2, 0.7, 2.0, 6.0)
     """[-] zeta of the grid. Chosen."""
     places: int = 24
-    """[-] Gains of a position that are tried, over a decade about the one whose range is that of the
-    readings. Chosen."""
+    """[-] Gains of a position that are tried. Chosen."""
+    gains: tuple[float, float] = (0.4, 4.0)
+    """[-] From the least of them to the largest, over the one whose range is that of the readings. Chosen: a
+    decade; readings without a sign have down to half the range."""
     upright: float = 1.2
     """[-] Squared error of a negative gain over that of a positive one, from which on it counts as less.
     Chosen."""
@@ -224,6 +256,8 @@ class Unsigned:
     is where the search begins."""
     signed_again: int = 3
     """[-] Times that readings are given the sign of the plant that was fitted to them. Chosen."""
+    signed_steps: int = 8
+    """[steps] Of each of those fits. Chosen."""
 
 
 UNSIGNED: Final = Unsigned()

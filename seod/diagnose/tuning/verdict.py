@@ -36,9 +36,29 @@ class ExperimentTrial:
     """[rows] Of it. Chosen."""
     tries: int = 10
     """[-] Amplitudes until the travel is that of the recording. Chosen."""
+    cycles: float = 3.0
+    """[periods] Of a limit cycle in each of two phases. Chosen: the configuration's own default."""
+    shift: float = 0.25
+    """[periods] By which switches of the second are late. Chosen: likewise."""
+    gone: float = 1e6
+    """[sd] Error of what is no number any more. Chosen: far more than any rival's."""
+    derivative_step: float = 1e-4
+    """[-] Part of a searched number by which a rival's derivatives are taken. Chosen."""
 
 
 TRIAL: Final = ExperimentTrial()
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffects:
+    """What could stand in a found effect's place."""
+
+    near: float = 2.0
+    """[-] Mean log error of a set with another cause above that of the found one, over what an effect must
+    save, up to which it is fitted to all windows. Chosen."""
+
+
+FOUND_EFFECTS: Final = FoundEffects()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +75,19 @@ class NextExperiment:
     """[-] Rivals that are tried. Chosen."""
     starts_tried: int = 2
     """[-] Places from which a rival's fit begins. Chosen."""
+    band: tuple[float, float] = (0.1, 3.0)
+    """[-] Frequencies that are asked for over the plant's own, from and to. Chosen."""
+    highest: float = 0.4
+    """[-] Over the sampling rate, at most. Chosen: below half of it."""
+    steps: float = 0.3
+    """[-] Pairs of steps in a period of the plant's own. Chosen: it comes to rest between them."""
+    relay: tuple[float, ...] = (0.25, 0.5, 1.0)
+    """[-] A relay's amplitudes one after the other, over the recordings' largest command. Chosen: causes of
+    different amplitude dependence come apart."""
+    sine: tuple[float, ...] = (0.125, 1.0)
+    """[-] A sine's. Chosen: friction shows in the small one."""
+    multisine: tuple[float, ...] = (0.25, 1.0)
+    """[-] A multisine's. Chosen."""
 
 
 NEXT_EXPERIMENT: Final = NextExperiment()

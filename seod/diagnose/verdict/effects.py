@@ -13,6 +13,7 @@ from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.prune import alike
 from seod.diagnose.search.race import extended
 from seod.diagnose.search.refine import refined
+from seod.diagnose.tuning.verdict import FOUND_EFFECTS
 from sim.effects import EFFECTS, parameter
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def _in_place_of(
     if not siblings:
         siblings = extended(screen, [refined(rest, screen.cut, screen)], fitted.model.names)
     few, every = screen.cut, screen.every
-    reach = refined(fitted, few, screen).cost + 2.0 * least_gain(few)
+    reach = refined(fitted, few, screen).cost + FOUND_EFFECTS.near * least_gain(few)
     near = [one for one in siblings if one.cost < reach]
     near += alike(fitted, name, screen)
     own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [fitted, *near])

@@ -88,7 +88,7 @@ def _relay(record: NDArray[np.void], kind: str, volts: float, t: Array) -> Array
     relay = np.zeros(1, RELAY)
     relay["e_a"], relay["velocity_mode"] = volts, record["measures_speed"]
     if kind == "two-phase":
-        relay["cycles"], relay["shift"] = 3.0, 0.25
+        relay["cycles"], relay["shift"] = TRIAL.cycles, TRIAL.shift
     y, u, t_u = np.empty((3, len(t)))
     state = new_state(record, float(t[0]))
     sampled_relay(record[0], state[0], relay[0], t, _NONE, _NONE, _NONE, _NONE, y, u, t_u)
@@ -124,13 +124,14 @@ def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> t
 
     def residual(x: Array) -> Array:
         y, _ = follow(model.record(np.clip(x, low, high)), run.t, run.u)
-        left: Array = np.nan_to_num((y - run.y) / noise, nan=1e6, posinf=1e6, neginf=-1e6)
+        gone = TRIAL.gone
+        left: Array = np.nan_to_num((y - run.y) / noise, nan=gone, posinf=gone, neginf=-gone)
         return left
 
     best_x, best = np.empty(0), math.inf
     for begin in begins:
         inside = np.clip(begin, low + 1e-9, high - 1e-9)
-        step = [1e-4] * len(begin)
+        step = [TRIAL.derivative_step] * len(begin)
         answer = least_squares(
             residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=TRIAL.tries
         )

@@ -134,13 +134,18 @@ def _apart(rivals: Sequence[Rival], run: Run, noise: float) -> float:
 def excitations(omega_n: float, volts: float, tick: float) -> list[Excitation]:
     """In the order of what they ask of the rig and of whoever runs it."""
     f = omega_n / (2.0 * math.pi)
-    band = _rounded(0.1 * f), _rounded(min(3.0 * f, 0.4 / tick))
+    low, high = (part * f for part in NEXT_EXPERIMENT.band)
+    band = _rounded(low), _rounded(min(high, NEXT_EXPERIMENT.highest / tick))
+    relay, sine, multisine = (
+        tuple(part * volts for part in parts)
+        for parts in (NEXT_EXPERIMENT.relay, NEXT_EXPERIMENT.sine, NEXT_EXPERIMENT.multisine)
+    )
     return [
-        Excitation("relay", (volts / 4.0, volts / 2.0, volts), band),
+        Excitation("relay", relay, band),
         Excitation("two-phase", (volts,), band),
-        Excitation("steps", (volts,), (_rounded(0.3 * f), band[1])),
-        Excitation("sine", (volts / 8.0, volts), band),
-        Excitation("multisine", (volts / 4.0, volts), band),
+        Excitation("steps", (volts,), (_rounded(NEXT_EXPERIMENT.steps * f), band[1])),
+        Excitation("sine", sine, band),
+        Excitation("multisine", multisine, band),
     ]
 
 
