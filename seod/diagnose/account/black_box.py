@@ -2,7 +2,8 @@
 
 The forces act on the load, the volts on the valve, of the fitted plant, so that what they do to the reading
 drifts as it does; further terms act on the reading itself. Ridge regression, each window foretold by a fit of
-the others.
+the others. No two windows of a sweep are alike: there each piece of a window is foretold by all others, those
+beside it among them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.account.residual import Plant, Share, WindowResidual
-    from seod.diagnose.result import Array
+    from seod.diagnose.result import Array, Rows
 
 
 class Foretold(NamedTuple):
@@ -40,7 +41,14 @@ class Foretold(NamedTuple):
     detectable: float
 
 
-def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
+class Piece(NamedTuple):
+    """Rows of a window that are foretold together."""
+
+    window: int
+    rows: Rows
+
+
+def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
@@ -50,14 +58,22 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
         return None
     sizes = sizes_of(parts)
     added = _added(parts, plant, sizes)
-    products = [_products(_columns(one, plant, sizes, added)[one.scored]) for one in parts]
+    pieces = _pieces(parts, swept=swept)
+    products = []
+    for w, one in enumerate(parts):
+        columns = _columns(one, plant, sizes, added)
+        products += [_products(columns[each.rows]) for each in pieces if each.window == w]
     targets = products[0].shape[0] - len(added)
     weights = [_weights([_of(each, targets, k) for each in products]) for k in range(len(added))]
     rest, before, after = [], [], []
     for w, one in enumerate(parts):
         columns = _columns(one, plant, sizes, added)
         known, asked = columns[:, :targets], columns[:, targets:]
-        error = np.where(one.scored, (asked - known @ np.array([each[w] for each in weights]).T).T, 0.0)
+        error = np.zeros((len(added), len(one.t)))
+        for p, each in enumerate(pieces):
+            if each.window == w:
+                by_others = np.array([some[p] for some in weights])
+                error[:, each.rows] = (asked[each.rows] - known[each.rows] @ by_others.T).T
         rest.append(replace(one, error=error[0]))
         before.append(asked.T**2)
         after.append(error**2)
@@ -75,6 +91,19 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant) -> Foretold | None:
     shown = [share(k, every).significant for k in range(1, len(added))]
     new = share(0, [w for w in every if parts[w].held_out])
     return Foretold(replace(new, score=own.score, limit=own.limit), rest, _detectable(shown))
+
+
+def _pieces(parts: Sequence[WindowResidual], *, swept: bool) -> list[Piece]:
+    """Windows, or of a sweep parts of them, each longer than what does not repeat is alike."""
+    every = [np.flatnonzero(one.scored) for one in parts]
+    if not swept:
+        return [Piece(w, rows) for w, rows in enumerate(every)]
+    length = BLACK_BOX.alike * colour(parts).correlation
+    out = []
+    for w, rows in enumerate(every):
+        count = int(min(max(1.0, len(rows) / length), BLACK_BOX.most_pieces))
+        out += [Piece(w, each) for each in np.array_split(rows, count)]
+    return out
 
 
 def _detectable(shown: Sequence[bool]) -> float:

@@ -56,7 +56,8 @@ def covariance(fitted: Fitted) -> Array:
 def _by_bounds(model: Model) -> Array:
     """Curvature by each number's bounds, as if they were a standard deviation off; 0 where it is given."""
     low, high = model.bounds
-    return np.where(high > low, 1.0 / np.maximum(high - low, 1e-300) ** 2, 0.0)
+    wide = high - low
+    return np.divide(1.0, wide**2, out=np.zeros_like(wide), where=wide > 0.0)
 
 
 def _closing(fitted: Fitted) -> float:
