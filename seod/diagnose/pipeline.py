@@ -23,7 +23,7 @@ from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form, output_type
-from seod.diagnose.record.column_checks import different_units, gain_remarks
+from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, fitted_windows, whole_windows
@@ -111,6 +111,7 @@ def _diagnose(
 ) -> Diagnosis:
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
+    recordings, holdout, unbelieved = _believed(recordings, holdout)
     output, closed, typed = _typed(recordings, asked)
     sees_speed = output == "velocity"
     rows = sum(len(each.t) for each in recordings)
@@ -149,9 +150,19 @@ def _diagnose(
     name = str(recordings[0].paths[0])
     remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
-    answer = replace(answer, remarks=(*typed, *answer.remarks, *remarks, *budget.remarks))
+    answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
+
+
+def _believed(
+    recordings: Sequence[Recording], holdout: Sequence[Recording]
+) -> tuple[Sequence[Recording], Sequence[Recording], tuple[str, ...]]:
+    """The recordings without supply pressures that are none, and what is said of these."""
+    every = [with_believed_supply(each) for each in (*recordings, *holdout)]
+    kept = [one for one, _ in every]
+    said = tuple(sentence for _, sentences in every for sentence in sentences)
+    return kept[: len(recordings)], kept[len(recordings) :], said
 
 
 def nominal_conditions(recordings: Sequence[Recording]) -> dict[str, float]:
