@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from seod.diagnose.report.words import consequences, headline
 from seod.diagnose.result import Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
+from seod.diagnose.verdict.unexplained import _shares
 from seod.plots.style import style
 
 
@@ -98,10 +100,37 @@ def test_a_clean_record_shows_one_model_and_no_causes():
 def test_what_is_unexplained_is_not_sold_as_explained(found):
     rest = replace(found, verdict="unexplained", unexplained=Unexplained(0.3, ("velocity", "time")))
     assert "but that is not all" in headline(rest)
-    assert "30 % of the baseline's squared error above the noise; it goes with velocity, time" in as_text(
-        rest, "rad"
-    )
+    told = "30 % of the baseline's squared error above the noise; it goes with the velocity, the time"
+    assert told in as_text(rest, "rad")
     assert "none of the known causes" in headline(replace(rest, effects=()))
+
+
+def test_what_the_rest_goes_with_is_told_in_words(found):
+    """Not by the names of the answer as JSON; a drive that no pressure moves has no load pressure."""
+    names = tuple(_shares(_held(found)))
+    rest = replace(found, verdict="unexplained", unexplained=Unexplained(0.3, names))
+    (told,) = [each for each in consequences(rest) if "it goes with" in each]
+    assert set(told.partition("it goes with ")[2].rstrip(".").split(", ")) == {
+        "the command",
+        "the load force",
+        "the velocity",
+        "the position",
+        "the time",
+        "the supply pressure",
+        "the measured disturbance",
+    }
+    supplied = tuple(replace(w, ps=np.ones(len(w.t))) for w in found.windows)
+    (told,) = [each for each in consequences(replace(rest, windows=supplied)) if "it goes with" in each]
+    assert "the load pressure" in told
+
+
+def _held(found):
+    """As much of a simulation of the windows held out as is asked for what the rest depends on."""
+    n = sum(len(w.t) for w in found.windows)
+    signals = np.random.default_rng(1).normal(size=(n, 5))
+    series = [SimpleNamespace(supply=np.ones(n), force=np.ones(n))]
+    cut = SimpleNamespace(series=series, gathered=lambda _: signals[:, 0])
+    return SimpleNamespace(scored=np.ones(n, bool), error=signals[:, 1], cut=cut, states=signals)
 
 
 def test_defects_of_the_record_are_not_sold_as_the_models(found):

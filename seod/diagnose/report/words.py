@@ -188,10 +188,31 @@ def _left(d: Diagnosis) -> str:
     share = f"{_rounded(100.0 * d.unexplained.fraction)} % of the baseline's squared error above the noise"
     shares = d.unexplained.shares
     on = [
-        f"{name} ({_rounded(100.0 * shares[name])} % of the rest)" if name in shares else name
+        f"{_signal(d, name)} ({_rounded(100.0 * shares[name])} % of the rest)"
+        if name in shares
+        else _signal(d, name)
         for name in d.unexplained.correlates_with
     ]
     return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
+
+
+def _signal(d: Diagnosis, name: str) -> str:
+    """What a residual goes with, in words."""
+    words = {
+        "input": "the command",
+        "pressure": f"the {drives_load(d)}",
+        "velocity": "the velocity",
+        "position": "the position",
+        "time": "the time",
+        "supply_pressure": "the supply pressure",
+        "measured_channel": "the measured disturbance",
+    }
+    return words.get(name, name)
+
+
+def drives_load(d: Diagnosis) -> str:
+    """What drives the load: a pressure where a supply pressure was recorded, else nobody knows what."""
+    return "load pressure" if any(w.ps is not None for w in d.windows) else "load force"
 
 
 def what_it_is(effect: FoundEffect) -> str:
