@@ -25,6 +25,7 @@ from seod.diagnose.report.words import consequences, headline
 from seod.diagnose.result import Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
+from seod.diagnose.verdict.answer import DRIFTS
 from seod.diagnose.verdict.unexplained import _shares
 from seod.plots.style import style
 
@@ -305,17 +306,18 @@ def recorded(t):
 @pytest.mark.parametrize(
     ("unit", "output", "told"),
     [
-        ("mm", "position", ("mm", "mm", "mm/s", "mm/s^2", "mm/s/V")),
-        ("rad/s", "velocity", ("rad/s", "rad", "rad/s", "rad/s^2", "rad/s/V")),
-        ("mm", "velocity", ("mm", "mm·s", "mm", "mm/s", "mm/V")),
-        ("m/s^2", "velocity", ("m/s^2", "m/s^2·s", "m/s^2", "m/s^3", "m/s^2/V")),
+        ("mm", "position", ("mm", "mm", "mm/s", "mm/s^2", "mm/s/V", "mm/s^3")),
+        ("rad/s", "velocity", ("rad/s", "rad", "rad/s", "rad/s^2", "rad/s/V", "rad/s^3")),
+        ("mm", "velocity", ("mm", "mm·s", "mm", "mm/s", "mm/V", "mm/s^2")),
+        ("m/s^2", "velocity", ("m/s^2", "m/s^2·s", "m/s^2", "m/s^3", "m/s^2/V", "m/s^4")),
     ],
 )
 def test_units_follow_that_of_y(unit, output, told):
     units = Units.of(unit, output)
-    assert (units.reading, units.position, units.speed, units.acceleration, units.gain) == told
+    assert (units.reading, units.position, units.speed, units.acceleration, units.gain) == told[:5]
     of_table = ("unit (unit/s for a speed)", "unit", "unit/s", "unit/s^2", "1", "V")
     assert tuple(map(units.named, of_table)) == (*told[:4], "", "V")
+    assert units.named("unit/s^3") == told[5]
     assert units.named("unit/s^2 for each unit of f") == f"{units.acceleration} for each unit of f"
 
 
@@ -327,6 +329,16 @@ def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
         assert not re.search(r"\bunit\b", re.sub("<style>.*</style>", "", told))
     assert "gives way by 0.004 mm " in as_text(more, "mm")
     assert "K_L [mm/s/V]" in as_text(more, "mm")
+
+
+def test_a_load_that_drifts_is_told_in_the_unit_of_y(found):
+    remark = DRIFTS.format(rate="0.2", without="9", with_it="3")
+    drifts = replace(found, remarks=(remark,))
+    for unit, rate in (("mm", "0.2 mm/s^3 from"), ("unit", "0.2 unit/s^3 from")):
+        told = list(consequences(drifts, unit))
+        assert rate in told[-1]
+        assert rate in as_text(drifts, unit)
+    assert remark in drifts.as_json()["remarks"]
 
 
 @pytest.mark.slow

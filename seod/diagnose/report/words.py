@@ -76,10 +76,11 @@ def _listed(d: Diagnosis, *, defects: bool) -> str:
 
 def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
     """What the effects did to zeta and omega_n, what cannot be told apart, and what is left (`unit` of y)."""
+    units = Units.of(unit, d.output)
     yield from _accounted(d)
     if d.effects:
         yield from _plant(d)
-    yield from (each.replace(OF_POSITION, Units.of(unit, d.output).position) for each in _meant(d))
+    yield from (each.replace(OF_POSITION, units.position) for each in _meant(d))
     for effect in d.effects:
         if effect.indistinguishable_from:
             others = ", ".join(effect.indistinguishable_from)
@@ -92,7 +93,7 @@ def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
         plan = d.next_experiment
         separates = ", ".join(plan.separates)
         yield f"Next experiment, to separate {separates}: {_closed(plan.input)} {_closed(plan.reason)}"
-    yield from d.remarks
+    yield from map(units.told, d.remarks)
 
 
 def _accounted(d: Diagnosis) -> Iterator[str]:
