@@ -21,7 +21,7 @@ from seod.diagnose.report.files import facts
 from seod.diagnose.report.page import page
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import Units
-from seod.diagnose.report.words import consequences, headline
+from seod.diagnose.report.words import GRADES, consequences, headline
 from seod.diagnose.result import Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
@@ -132,6 +132,14 @@ def _held(found):
     series = [SimpleNamespace(supply=np.ones(n), force=np.ones(n))]
     cut = SimpleNamespace(series=series, gathered=lambda _: signals[:, 0])
     return SimpleNamespace(scored=np.ones(n, bool), error=signals[:, 1], cut=cut, states=signals)
+
+
+@pytest.mark.parametrize("grade", GRADES)
+def test_the_grade_is_told_without_an_account_too(found, grade):
+    assert found.account is None
+    told = f"Grade: {grade.replace('_', ' ')}: {GRADES[grade]}."
+    assert next(consequences(replace(found, grade=grade))) == told
+    assert f"! {told}" in as_text(replace(found, grade=grade), "rad")
 
 
 def test_defects_of_the_record_are_not_sold_as_the_models(found):

@@ -99,9 +99,9 @@ def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
 def _accounted(d: Diagnosis) -> Iterator[str]:
     """The grade, the three parts of the squared error, and what models without physics reach."""
     account = d.account
+    yield f"Grade: {d.grade.replace('_', ' ')}: {GRADES[d.grade]}."
     if account is None:
         return
-    yield f"Grade: {d.grade.replace('_', ' ')}: {GRADES[d.grade]}."
     if d.yardstick is not None:
         reached = f"ARX {percent(d.yardstick.arx)}, NARX {percent(d.yardstick.narx)}"
         yield f"Without physics, over the same windows: {reached}."
