@@ -19,10 +19,11 @@ from seod.diagnose.report.chart import AFTER, BEFORE, MEASURED, Chart, Curve, Ma
 from seod.diagnose.report.fields import _band
 from seod.diagnose.report.files import facts
 from seod.diagnose.report.page import page
+from seod.diagnose.report.tables import figures
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import Units
-from seod.diagnose.report.words import GRADES, consequences, headline
-from seod.diagnose.result import Unexplained
+from seod.diagnose.report.words import GRADES, consequences, headline, percent
+from seod.diagnose.result import Common, Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
 from seod.diagnose.verdict.answer import DRIFTS
@@ -151,6 +152,62 @@ def test_defects_of_the_record_are_not_sold_as_the_models(found):
     both = replace(found, effects=(*found.effects, outliers))
     assert headline(both).startswith("The baseline misses coulomb_friction: held-out")
     assert all(headline(each).endswith("the recording has outliers.") for each in (rest, both))
+
+
+COMMON = Common(K_L=16.0, omega_n=61.0, zeta=0.41, offset=-0.125, delay=0.0305, holdout_nrmse=0.0321)
+
+
+def cells(html):
+    """Of the table of figures, row by row."""
+    (of,) = re.findall(r'<table class="figures">(.*?)</table>', html, re.DOTALL)
+    rows = [re.findall(r"<t[hd]>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", of)]
+    return {row[0]: row[1:] for row in rows}
+
+
+@pytest.mark.parametrize("better", [0.5, 1.5])
+def test_the_baseline_with_offset_and_delay_is_shown_with_both(found, better):
+    common = replace(COMMON, holdout_nrmse=better * found.baseline.holdout_nrmse)
+    more = replace(found, baseline=replace(found.baseline, common=common))
+    rows = cells(figures(more, "rad"))
+    assert rows[""] == ["baseline", "baseline with offset and delay", "extended"]
+    assert {len(row) for row in rows.values()} == {3}
+    assert rows["held-out error (NRMSE)"][1] == f"<b>{percent(common.holdout_nrmse)}</b>"
+    assert [rows[name][1] for name in ("omega_n [rad/s]", "zeta", "K_L [rad/s/V]")] == [
+        "61.000",
+        "0.41000",
+        "16.000",
+    ]
+    assert rows["offset of u [V]"] == ["", "-0.125", ""]
+    assert rows["delay [ms]"] == ["", "30.5", ""]
+    lines = [line.strip() for line in as_text(more, "rad").splitlines()]
+    at = next(k for k, line in enumerate(lines) if line.startswith("with offset"))
+    assert [line.partition("   ")[0] for line in lines[at : at + 3]] == [
+        "with offset",
+        "-0.125 V",
+        "and delay 30.5 ms",
+    ]
+    assert percent(common.holdout_nrmse) in lines[at]
+
+
+def test_an_offset_of_a_speed_is_told_in_its_unit_too(found):
+    more = replace(found, output="velocity", baseline=replace(found.baseline, common=COMMON))
+    assert cells(figures(more, "rad/s"))["offset of y [rad/s]"] == ["", "-2", ""]
+    assert "(-2 rad/s of y)" in as_text(more, "rad/s")
+    lost = replace(more, baseline=replace(found.baseline, common=replace(COMMON, offset=np.nan)))
+    assert cells(figures(lost, "rad/s"))["offset of u [V]"] == ["", "-", ""]
+
+
+def test_an_offset_or_delay_that_is_next_to_nothing_is_0(found):
+    common = replace(COMMON, offset=-1e-6, delay=1e-8)
+    rows = cells(figures(replace(found, baseline=replace(found.baseline, common=common)), "rad"))
+    assert (rows["offset of u [V]"][1], rows["delay [ms]"][1]) == ("0", "0")
+
+
+def test_one_model_with_offset_and_delay_has_a_column_for_each():
+    clean = example(found=False)
+    clean = replace(clean, baseline=replace(clean.baseline, common=COMMON))
+    assert {len(row) for row in cells(figures(clean, "rad")).values()} == {2}
+    assert "with offset and delay" not in figures(example(found=False), "rad")
 
 
 def test_a_first_order_lag_is_not_given_a_zeta(found):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from seod.diagnose.account.grade import told_apart
 from seod.diagnose.causes.table import CAUSES, sentence
 from seod.diagnose.report.units import Units
@@ -15,10 +17,10 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.result import Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
+    from seod.diagnose.result import Common, Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
 
 _LEAST: Final = 0.1
-"""Change of zeta, omega_n or K_L that is one [%]."""
+"""Change of zeta, omega_n or K_L that is one, and part of a command that is an offset [%]."""
 GRADES: Final[dict[Grade, str]] = {
     "useless": "the model foretells held-out windows no better than their mean, or than Eq. 1 alone",
     "partly": "the model foretells a part of the movement",
@@ -238,6 +240,25 @@ def percent(nrmse: float) -> str:
     if not math.isfinite(nrmse):
         return "-"
     return f"{figure(100.0 * nrmse, 3)} %"
+
+
+def offset_and_delay(d: Diagnosis, common: Common, unit: str) -> list[tuple[str, str, str]]:
+    """What a baseline with both has of them: name, value and unit (`unit` of y).
+
+    An offset of u is one of y where that is a speed. Next to nothing of a command, or of a row's time, is 0.
+    """
+    volts = max((float(np.max(np.abs(w.u))) for w in d.windows), default=0.0)
+    tick = max((float(np.max(np.diff(w.t))) for w in d.windows), default=0.0)
+    offset, delay = _or_nothing(common.offset, volts), _or_nothing(common.delay, tick)
+    told = [("offset of u", offset, "V")]
+    if d.output == "velocity":
+        told.append(("offset of y", common.K_L * offset + 0.0, unit))  # not -0
+    told.append(("delay", 1e3 * delay, "ms"))
+    return [(name, number(value, 3) if math.isfinite(value) else "-", of) for name, value, of in told]
+
+
+def _or_nothing(value: float, whole: float) -> float:
+    return 0.0 if abs(value) < 0.01 * _LEAST * whole else value
 
 
 MOST_RUNS: Final = 4
