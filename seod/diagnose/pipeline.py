@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
+from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
@@ -147,12 +147,20 @@ def _diagnose(
     progress("comparing", 0.9)
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
-    name = str(recordings[0].paths[0])
-    remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
+    remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
     answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
+
+
+def told_gain(answer: Diagnosis, fixed: Mapping[str, Mapping[str, float]]) -> float:
+    """K_L of the extended model [unit/s/V]; without its sign where a cause hides that.
+
+    `fixed` are the effects of the rig's own model.
+    """
+    acting = {*fixed, *(each.name for each in answer.effects)}
+    return answer.extended.K_L if WITHOUT_SIGN.isdisjoint(acting) else abs(answer.extended.K_L)
 
 
 def _believed(
