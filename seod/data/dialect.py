@@ -167,8 +167,11 @@ def detect(data: bytes, path: str, complete: bool) -> Dialect:
     every = [(at, cells(line, separator)) for at, line in numbered]
     rows = [(at, row) for at, row in every if len(row) == width]
     found = _with_header(rows, Dialect(encoding, separator, decimal, (), 0)) if width else None
-    if found is not None and rows[0][0] == found.first:
-        found = _with_other_header(every, found)
+    if found is not None:
+        own = [at for at, _ in rows if at < found.first]
+        words = _words(every, found)
+        found = found if own or not words else _with_other_header(every, words[-1], found)
+        found = _with_odd_rows(every, max(own or words, default=0), found)
     if found is None:
         raise ReadError(
             f"{path}: no table of numbers in it: expected a header line and rows of at least two cells, "
@@ -196,22 +199,43 @@ def _with_header(rows: list[tuple[int, list[str]]], found: Dialect) -> Dialect |
     return replace(found, columns=names, first=rows[begin][0], dates=dates, empty=empty)
 
 
-def _with_other_header(rows: list[tuple[int, list[str]]], found: Dialect) -> Dialect:
-    """By the header of a logger that ends its rows, or its header, in a separator that the other has not."""
-    width = len(found.columns)
-    words = [
-        (k, row)
-        for k, (at, row) in enumerate(rows)
+def _words(rows: list[tuple[int, list[str]]], found: Dialect) -> list[int]:
+    """Lines above the values that have words in several cells, and no number."""
+    return [
+        at
+        for at, row in rows
         if at < found.first and len(row) > 1 and not any(_is_number(cell, found.decimal) for cell in row)
     ]
-    last, header = words[-1] if words else (0, [])
-    if not header or any(header[width:]):
+
+
+def _with_other_header(rows: list[tuple[int, list[str]]], line: int, found: Dialect) -> Dialect:
+    """By the header of a logger that ends its rows, or its header, in a separator that the other has not."""
+    width = len(found.columns)
+    header = next(row for at, row in rows if at == line)
+    if any(header[width:]):
         return found
     named = _columns(
         [[*header, *map(str, range(len(header) + 1, width + 1))][:width]], width, [], frozenset()
     )
     columns = tuple(replace(new, text=old.text) for new, old in zip(named, found.columns, strict=True))
-    return replace(found, columns=columns, first=rows[last + 1][0], unnamed=max(0, width - len(header)))
+    first = next(at for at, _ in rows if at > line)
+    return replace(found, columns=columns, first=first, unnamed=max(0, width - len(header)))
+
+
+def _with_odd_rows(rows: list[tuple[int, list[str]]], header: int, found: Dialect) -> Dialect:
+    """Begun at rows of another width right below the header's line: they are not to vanish."""
+    begin = next(
+        (at for at, row in rows if header < at < found.first and _begins_as_values(row, found)), None
+    )
+    return found if begin is None else replace(found, first=begin)
+
+
+def _begins_as_values(row: list[str], found: Dialect) -> bool:
+    """Whether a row of any width has, in the first column of numbers or dates, one of these."""
+    index = next(k for k, column in enumerate(found.columns) if not column.text and k not in found.empty)
+    if index >= len(row):
+        return False
+    return date(row[index]) is not None if index in found.dates else _is_number(row[index], found.decimal)
 
 
 def _is_empty(column: Sequence[str]) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
+from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
@@ -23,7 +23,7 @@ from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form, output_type
-from seod.diagnose.record.column_checks import different_units, gain_remarks
+from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, fitted_windows, whole_windows
@@ -111,6 +111,7 @@ def _diagnose(
 ) -> Diagnosis:
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
+    recordings, holdout, unbelieved = _believed(recordings, holdout)
     output, closed, typed = _typed(recordings, asked)
     sees_speed = output == "velocity"
     rows = sum(len(each.t) for each in recordings)
@@ -146,12 +147,30 @@ def _diagnose(
     progress("comparing", 0.9)
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
-    name = str(recordings[0].paths[0])
-    remarks = gain_remarks(name, answer.extended.K_L, rig.K_L)
+    remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
-    answer = replace(answer, remarks=(*typed, *answer.remarks, *remarks, *budget.remarks))
+    answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
+
+
+def told_gain(answer: Diagnosis, fixed: Mapping[str, Mapping[str, float]]) -> float:
+    """K_L of the extended model [unit/s/V]; without its sign where a cause hides that.
+
+    `fixed` are the effects of the rig's own model.
+    """
+    acting = {*fixed, *(each.name for each in answer.effects)}
+    return answer.extended.K_L if WITHOUT_SIGN.isdisjoint(acting) else abs(answer.extended.K_L)
+
+
+def _believed(
+    recordings: Sequence[Recording], holdout: Sequence[Recording]
+) -> tuple[Sequence[Recording], Sequence[Recording], tuple[str, ...]]:
+    """The recordings without supply pressures that are none, and what is said of these."""
+    every = [with_believed_supply(each) for each in (*recordings, *holdout)]
+    kept = [one for one, _ in every]
+    said = tuple(sentence for _, sentences in every for sentence in sentences)
+    return kept[: len(recordings)], kept[len(recordings) :], said
 
 
 def nominal_conditions(recordings: Sequence[Recording]) -> dict[str, float]:

@@ -218,6 +218,35 @@ def test_a_header_that_is_shorter_or_longer_than_the_rows_names_them_still(text,
     assert all("more cells than the header's 3" in each for each in told)
 
 
+@pytest.mark.parametrize(
+    "header", ["t [s],u,y\n", "# logger 7\nt,u,y\ns,V,\n", ""], ids=["names", "units", "none"]
+)
+@pytest.mark.parametrize("wide", [1, 3])
+def test_rows_that_are_wider_right_below_the_header_are_read(header, wide, tmp_path):
+    rows = [f"{k},1,{k / 2}" + ",7" * (k < wide) for k in range(90)]
+    columns = {"columns": "t=1,u=2,y=3"} if not header else {}
+    recording = read(write(tmp_path, header + "\n".join(rows) + "\n"), **columns)
+    assert recording.y.tolist() == [k / 2 for k in range(90)]
+    line = header.count("\n") + 1
+    told = f"row {line}: has more cells than the header's 3: those are left out"
+    assert told in [p.message.partition("; so in")[0] for p in recording.problems]
+
+
+def test_a_row_that_is_shorter_right_below_the_header_is_said(tmp_path):
+    rows = ["0,1", *(f"{k},1,{k / 2}" for k in range(1, 90))]
+    recording = read(write(tmp_path, "t [s],u,y\n" + "\n".join(rows) + "\n"))
+    assert len(recording.t) == 89
+    assert [p.message for p in recording.problems] == [
+        "row 2: is left out: it has fewer cells than the header's 3: '0 1'"
+    ]
+
+
+@pytest.mark.parametrize("above", ["t [s],u,y\nRate,1000\n", "3,4\nt [s],u,y\n", "3,4\nt [s],u,y,\n"])
+def test_talk_about_the_header_is_no_row(above, tmp_path):
+    text = above + "".join(f"{k},1,{k / 2}\n" for k in range(90))
+    assert read(write(tmp_path, text)).problems == ()
+
+
 def test_a_file_that_goes_on_in_another_encoding_is_read_on(tmp_path):
     path = tmp_path / "run.csv"
     path.write_bytes(

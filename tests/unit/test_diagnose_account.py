@@ -198,6 +198,40 @@ def test_the_colour_of_noise_is_found(memory, order):
     assert found.correlation == pytest.approx((1.0 + memory) / (1.0 - memory), rel=0.3)
 
 
+def scored_again(parts, scored):
+    """The same windows, other rows of which count."""
+    return [replace(one, scored=scored) for one in parts]
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_the_colour_of_noise_is_found_across_holes(count):
+    """Alternating noise: rows on both sides of a hole of one row are alike, neighbours are not."""
+    noise = coloured(-0.9, 0.2)
+    parts = parts_of(noise, noise, np.zeros((3, N)), count)
+    scored = np.arange(N // count) % 20 != 0
+    found = colour(scored_again(parts, scored))
+    assert found.order == 1
+    assert found.memory[0] == pytest.approx(-0.9, abs=0.03)
+
+
+def test_a_sensor_that_repeats_readings_has_neighbours():
+    readings = coloured(0.9, 0.2)[: N // 4]
+    parts = parts_of(readings, np.repeat(readings, 4), np.zeros((3, N)))
+    found = colour(scored_again(parts, np.arange(N // 8) % 4 == 0))
+    assert found.memory == pytest.approx((0.9,), abs=0.05)
+
+
+@pytest.mark.parametrize("kept", [lambda k: k < 8, lambda k: k % 3 == 0], ids=["few rows", "rows apart"])
+def test_noise_of_rows_that_foretell_none_is_white(kept):
+    """Half of the windows count in full, half hardly at all."""
+    noise = coloured(0.9, 0.2)
+    parts = parts_of(noise, noise, np.zeros((3, N)), 100)
+    few = kept(np.arange(N // 100)) & (np.arange(N // 100) % 9 > 0)
+    for first in (0, 1):
+        some = [replace(one, scored=few) if k % 2 == first else one for k, one in enumerate(parts)]
+        assert colour(some).order == 0
+
+
 def test_models_without_physics_come_near_a_linear_plant():
     u = noise_command()
     halves = cut([series(recording(u, moved(u)[2]))])

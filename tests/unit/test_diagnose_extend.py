@@ -224,3 +224,9 @@ def test_the_same_rig_on_a_bus_moves_under_the_commands_of_the_bus(recorded, tmp
     rig = CanRig(options, config.simulation)
     assert rig.rig.constants == {}
     assert [message.name for message in rig.messages] == ["Sensor"]
+
+
+def test_a_supply_pressure_of_0_is_none_of_the_rigs(recorded):
+    there = replace(read(recorded), ps=np.full(len(read(recorded).t), 7e6))
+    assert seen(there, speed=False).supply_pressure == 7e6
+    assert seen(replace(there, ps=0.0 * there.ps), speed=False).supply_pressure is None

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnose_truth import multisine, recording
+from diagnose_truth import linear, multisine, recording
 from kernel_cases import follow, record
 
 from seod.diagnose.pipeline import Options, diagnose, nominal_conditions
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut
+from seod.diagnose.report.page import page
+from seod.diagnose.search.budget import EFFORTS
 from seod.diagnose.starts.baseline import baseline
 from seod.diagnose.starts.sizes import scales
 
@@ -50,3 +53,15 @@ def test_an_orifice_foretells_another_pressure():
     assert [each.name for each in told.effects] == ["square_root_flow"]
     assert told.extended.holdout_nrmse < 0.01
     assert told.baseline.holdout_nrmse > 0.05
+
+
+@pytest.mark.slow
+def test_a_supply_pressure_of_0_is_told_and_not_used(monkeypatch):
+    monkeypatch.setitem(EFFORTS, "quick", 0.05)
+    u = multisine(N)
+    dead = recording(u, linear(u), ps=np.zeros(N), names={"ps": "supply"})
+    told = diagnose([dead], (), Options(effort="quick"))
+    assert [each for each in told.remarks if "column 'supply', the supply pressure ps, is never" in each]
+    assert all(window.ps is None for window in told.windows)
+    assert "load pressure" not in page(told, "m", ["a.csv"])
+    json.dumps(told.as_json(), allow_nan=False)

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,13 +20,15 @@ from seod.diagnose.report.chart import AFTER, BEFORE, MEASURED, Chart, Curve, Ma
 from seod.diagnose.report.fields import _band
 from seod.diagnose.report.files import facts
 from seod.diagnose.report.page import page
-from seod.diagnose.report.tables import effects
+from seod.diagnose.report.tables import effects, figures
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import Units
-from seod.diagnose.report.words import consequences, headline
-from seod.diagnose.result import Gain, Parameter, Unexplained
+from seod.diagnose.report.words import GRADES, consequences, headline, percent
+from seod.diagnose.result import Common, Gain, Parameter, Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
+from seod.diagnose.verdict.answer import DRIFTS
+from seod.diagnose.verdict.unexplained import _shares
 from seod.plots.style import style
 
 
@@ -100,10 +103,45 @@ def test_a_clean_record_shows_one_model_and_no_causes():
 def test_what_is_unexplained_is_not_sold_as_explained(found):
     rest = replace(found, verdict="unexplained", unexplained=Unexplained(0.3, ("velocity", "time")))
     assert "but that is not all" in headline(rest)
-    assert "30 % of the baseline's squared error above the noise; it goes with velocity, time" in as_text(
-        rest, "rad"
-    )
+    told = "30 % of the baseline's squared error above the noise; it goes with the velocity, the time"
+    assert told in as_text(rest, "rad")
     assert "none of the known causes" in headline(replace(rest, effects=()))
+
+
+def test_what_the_rest_goes_with_is_told_in_words(found):
+    """Not by the names of the answer as JSON; a drive that no pressure moves has no load pressure."""
+    names = tuple(_shares(_held(found)))
+    rest = replace(found, verdict="unexplained", unexplained=Unexplained(0.3, names))
+    (told,) = [each for each in consequences(rest) if "it goes with" in each]
+    assert set(told.partition("it goes with ")[2].rstrip(".").split(", ")) == {
+        "the command",
+        "the load force",
+        "the velocity",
+        "the position",
+        "the time",
+        "the supply pressure",
+        "the measured disturbance",
+    }
+    supplied = tuple(replace(w, ps=np.ones(len(w.t))) for w in found.windows)
+    (told,) = [each for each in consequences(replace(rest, windows=supplied)) if "it goes with" in each]
+    assert "the load pressure" in told
+
+
+def _held(found):
+    """As much of a simulation of the windows held out as is asked for what the rest depends on."""
+    n = sum(len(w.t) for w in found.windows)
+    signals = np.random.default_rng(1).normal(size=(n, 5))
+    series = [SimpleNamespace(supply=np.ones(n), force=np.ones(n))]
+    cut = SimpleNamespace(series=series, gathered=lambda _: signals[:, 0])
+    return SimpleNamespace(scored=np.ones(n, bool), error=signals[:, 1], cut=cut, states=signals)
+
+
+@pytest.mark.parametrize("grade", GRADES)
+def test_the_grade_is_told_without_an_account_too(found, grade):
+    assert found.account is None
+    told = f"Grade: {grade.replace('_', ' ')}: {GRADES[grade]}."
+    assert next(consequences(replace(found, grade=grade))) == told
+    assert f"! {told}" in as_text(replace(found, grade=grade), "rad")
 
 
 def test_defects_of_the_record_are_not_sold_as_the_models(found):
@@ -115,6 +153,62 @@ def test_defects_of_the_record_are_not_sold_as_the_models(found):
     both = replace(found, effects=(*found.effects, outliers))
     assert headline(both).startswith("The baseline misses coulomb_friction: held-out")
     assert all(headline(each).endswith("the recording has outliers.") for each in (rest, both))
+
+
+COMMON = Common(K_L=16.0, omega_n=61.0, zeta=0.41, offset=-0.125, delay=0.0305, holdout_nrmse=0.0321)
+
+
+def cells(html):
+    """Of the table of figures, row by row."""
+    (of,) = re.findall(r'<table class="figures">(.*?)</table>', html, re.DOTALL)
+    rows = [re.findall(r"<t[hd]>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", of)]
+    return {row[0]: row[1:] for row in rows}
+
+
+@pytest.mark.parametrize("better", [0.5, 1.5])
+def test_the_baseline_with_offset_and_delay_is_shown_with_both(found, better):
+    common = replace(COMMON, holdout_nrmse=better * found.baseline.holdout_nrmse)
+    more = replace(found, baseline=replace(found.baseline, common=common))
+    rows = cells(figures(more, "rad"))
+    assert rows[""] == ["baseline", "baseline with offset and delay", "extended"]
+    assert {len(row) for row in rows.values()} == {3}
+    assert rows["held-out error (NRMSE)"][1] == f"<b>{percent(common.holdout_nrmse)}</b>"
+    assert [rows[name][1] for name in ("omega_n [rad/s]", "zeta", "K_L [rad/s/V]")] == [
+        "61.000",
+        "0.41000",
+        "16.000",
+    ]
+    assert rows["offset of u [V]"] == ["", "-0.125", ""]
+    assert rows["delay [ms]"] == ["", "30.5", ""]
+    lines = [line.strip() for line in as_text(more, "rad").splitlines()]
+    at = next(k for k, line in enumerate(lines) if line.startswith("with offset"))
+    assert [line.partition("   ")[0] for line in lines[at : at + 3]] == [
+        "with offset",
+        "-0.125 V",
+        "and delay 30.5 ms",
+    ]
+    assert percent(common.holdout_nrmse) in lines[at]
+
+
+def test_an_offset_of_a_speed_is_told_in_its_unit_too(found):
+    more = replace(found, output="velocity", baseline=replace(found.baseline, common=COMMON))
+    assert cells(figures(more, "rad/s"))["offset of y [rad/s]"] == ["", "-2", ""]
+    assert "(-2 rad/s of y)" in as_text(more, "rad/s")
+    lost = replace(more, baseline=replace(found.baseline, common=replace(COMMON, offset=np.nan)))
+    assert cells(figures(lost, "rad/s"))["offset of u [V]"] == ["", "-", ""]
+
+
+def test_an_offset_or_delay_that_is_next_to_nothing_is_0(found):
+    common = replace(COMMON, offset=-1e-6, delay=1e-8)
+    rows = cells(figures(replace(found, baseline=replace(found.baseline, common=common)), "rad"))
+    assert (rows["offset of u [V]"][1], rows["delay [ms]"][1]) == ("0", "0")
+
+
+def test_one_model_with_offset_and_delay_has_a_column_for_each():
+    clean = example(found=False)
+    clean = replace(clean, baseline=replace(clean.baseline, common=COMMON))
+    assert {len(row) for row in cells(figures(clean, "rad")).values()} == {2}
+    assert "with offset and delay" not in figures(example(found=False), "rad")
 
 
 def test_a_first_order_lag_is_not_given_a_zeta(found):
@@ -298,17 +392,18 @@ def recorded(t):
 @pytest.mark.parametrize(
     ("unit", "output", "told"),
     [
-        ("mm", "position", ("mm", "mm", "mm/s", "mm/s^2", "mm/s/V")),
-        ("rad/s", "velocity", ("rad/s", "rad", "rad/s", "rad/s^2", "rad/s/V")),
-        ("mm", "velocity", ("mm", "mm·s", "mm", "mm/s", "mm/V")),
-        ("m/s^2", "velocity", ("m/s^2", "m/s^2·s", "m/s^2", "m/s^3", "m/s^2/V")),
+        ("mm", "position", ("mm", "mm", "mm/s", "mm/s^2", "mm/s/V", "mm/s^3")),
+        ("rad/s", "velocity", ("rad/s", "rad", "rad/s", "rad/s^2", "rad/s/V", "rad/s^3")),
+        ("mm", "velocity", ("mm", "mm·s", "mm", "mm/s", "mm/V", "mm/s^2")),
+        ("m/s^2", "velocity", ("m/s^2", "m/s^2·s", "m/s^2", "m/s^3", "m/s^2/V", "m/s^4")),
     ],
 )
 def test_units_follow_that_of_y(unit, output, told):
     units = Units.of(unit, output)
-    assert (units.reading, units.position, units.speed, units.acceleration, units.gain) == told
+    assert (units.reading, units.position, units.speed, units.acceleration, units.gain) == told[:5]
     of_table = ("unit (unit/s for a speed)", "unit", "unit/s", "unit/s^2", "1", "V")
     assert tuple(map(units.named, of_table)) == (*told[:4], "", "V")
+    assert units.named("unit/s^3") == told[5]
     assert units.named("unit/s^2 for each unit of f") == f"{units.acceleration} for each unit of f"
 
 
@@ -320,6 +415,16 @@ def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
         assert not re.search(r"\bunit\b", re.sub("<style>.*</style>", "", told))
     assert "gives way by 0.004 mm " in as_text(more, "mm")
     assert "K_L [mm/s/V]" in as_text(more, "mm")
+
+
+def test_a_load_that_drifts_is_told_in_the_unit_of_y(found):
+    remark = DRIFTS.format(rate="0.2", without="9", with_it="3")
+    drifts = replace(found, remarks=(remark,))
+    for unit, rate in (("mm", "0.2 mm/s^3 from"), ("unit", "0.2 unit/s^3 from")):
+        told = list(consequences(drifts, unit))
+        assert rate in told[-1]
+        assert rate in as_text(drifts, unit)
+    assert remark in drifts.as_json()["remarks"]
 
 
 @pytest.mark.slow

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnose_truth import linear, multisine
+from diagnose_truth import recording as white
 from scipy.signal import StateSpace, lsim
 
 from seod.cli import app
 from seod.data import Recording
-from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.pipeline import Options, diagnose, told_gain
 from seod.diagnose.search.budget import EFFORTS
 from tests.command_line import CliRunner
 
@@ -83,6 +86,18 @@ def test_a_delay_of_seconds_is_found_at_ten_hertz_and_a_negative_gain_is_told():
     assert found["parameters"]["time"]["value"] == pytest.approx(3.0, abs=0.02)
     assert numbers(told["extended"]) == pytest.approx((-3.0, 0.6, 0.4), rel=0.02)
     assert any("K_L is negative" in each for each in told["remarks"])
+
+
+def test_behind_a_sensor_without_sign_a_negative_gain_is_not_told():
+    """The plant turned round reads alike, so that nobody knows whether the command is."""
+    u = multisine(3000)
+    found = diagnose([white(-u, np.abs(linear(u)), noise=0.003)], (), Options(effort="quick"))
+    assert [each.name for each in found.effects] == ["rectified_sensor"]
+    assert found.extended.K_L < 0.0
+    assert not any("turned round" in each for each in found.remarks)
+    assert told_gain(found, {}) == -found.extended.K_L
+    assert told_gain(replace(found, effects=()), {}) == found.extended.K_L
+    assert told_gain(replace(found, effects=()), found.extended.effects) == -found.extended.K_L
 
 
 def test_what_is_known_stays_as_it_is(tmp_path):

@@ -1,6 +1,7 @@
 """Defects of recordings are found, with their numbers, and sound records have none."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.data import Recording
-from seod.diagnose.record.column_checks import gain_remarks
+from seod.diagnose.record.column_checks import gain_remarks, tells_supply, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.fourth_differences import slopes
 from seod.diagnose.record.sensor_step import counts
@@ -228,6 +229,31 @@ def test_times_in_milliseconds_are_suspected():
 def test_sign_and_unit_are_seen_in_the_gain(K_L, expected, words):
     (remark,) = gain_remarks("run.csv", K_L, expected)
     assert words in remark
+
+
+@pytest.mark.parametrize(
+    ("ps", "told"),
+    [
+        (np.zeros(len(T)), "never above 0"),
+        (np.full(len(T), -2.5e6), "never above 0"),
+        (np.where(T < 1.0, 7e6, 0.0), "seldom above 0"),
+        (np.where(T < 1.0, 0.0, 7e6), ""),
+        (np.where(T < 1.0, np.nan, 7e6), ""),
+    ],
+    ids=["unplugged", "below its range", "mostly", "switched on late", "known late"],
+)
+def test_a_supply_pressure_that_is_none_is_told_and_not_used(ps, told):
+    one = replace(recording(noisy()), ps=ps, names={"ps": "p_s [bar]"})
+    kept, said = with_believed_supply(one)
+    assert tells_supply(one) == (not told)
+    assert (kept.ps is None) == bool(said) == bool(told)
+    assert all(f"run.csv: column 'p_s [bar]', the supply pressure ps, is {told}" in each for each in said)
+    assert all("--columns ps=" in each for each in said)
+
+
+def test_an_empty_supply_pressure_is_none():
+    kept, said = with_believed_supply(replace(recording(noisy()), ps=np.full(len(T), np.nan)))
+    assert (kept.ps, said) == (None, ())
 
 
 @pytest.mark.parametrize("K_L", [17.0, 10.0, 40.0])

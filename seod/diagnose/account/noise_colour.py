@@ -39,32 +39,63 @@ class NoiseColour:
 
 
 def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
-    """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse."""
-    runs = [one.error[one.scored] - np.mean(one.error[one.scored]) for one in parts]
+    """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse.
+
+    Rows are foretold by their neighbours only, not across rows that do not count. Where so few neighbours are
+    left that nothing can be foretold it is white.
+    """
+    windows = [_stretches(one) for one in parts]
+    runs = [run for window in windows for run in window]
     sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))
-    halves = (runs[::2], runs[1::2]) if len(runs) > 1 else _halved(runs[0])
+    halves = (windows[::2], windows[1::2]) if len(windows) > 1 else _halved(windows[0])
     most = min(
         NOISE_COLOUR.longest,
-        min(sum(len(run) for run in half) for half in halves) // NOISE_COLOUR.rows_each - 1,
+        min(sum(map(_count, half)) for half in halves) // NOISE_COLOUR.rows_each - 1,
     )
-    if not sd > 0.0 or most < 1:
+    both = [[run for window in half for run in window] for half in halves]
+    if not sd > 0.0 or most < 1 or not all(map(_long, both)):
         return NoiseColour((), sd, 1.0)
     best, least = 0, math.inf
     for order in range(most + 1):
-        cost = sum(_surprise(_regressed(one, order), other, order) for one, other in (halves, halves[::-1]))
+        cost = sum(_surprise(_regressed(one, order), other, order) for one, other in (both, both[::-1]))
         if cost < least - NOISE_COLOUR.enough:
             best, least = order, cost
     return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
 
 
-def _halved(run: Array) -> tuple[list[Array], list[Array]]:
-    middle = len(run) // 2
-    return [run[:middle]], [run[middle:]]
+def _stretches(one: WindowResidual) -> list[Array]:
+    """What is left of a window but for its mean, cut where rows between neighbours do not count.
+
+    Neighbours of a sensor that repeats its readings are as far apart as these last.
+    """
+    rows = np.flatnonzero(one.scored)
+    left, steps = one.error[rows] - np.mean(one.error[rows]), np.diff(rows)
+    holes = steps >= 2.0 * np.median(steps) if len(steps) else []
+    return np.split(left, np.flatnonzero(holes) + 1)
+
+
+def _count(window: Sequence[Array]) -> int:
+    """Rows of a window, less those that holes leave without all of their past."""
+    *others, longest = sorted(map(len, window))
+    return longest + sum(max(0, each - NOISE_COLOUR.longest) for each in others)
+
+
+def _halved(window: Sequence[Array]) -> tuple[list[list[Array]], list[list[Array]]]:
+    """One window as two."""
+    sizes = [len(run) for run in window]
+    begins = np.cumsum([0, *sizes[:-1]])
+    pairs = [np.split(run, [max(0, sum(sizes) // 2 - at)]) for run, at in zip(window, begins, strict=True)]
+    return [[first for first, _ in pairs]], [[second for _, second in pairs]]
+
+
+def _long(runs: Sequence[Array]) -> list[Array]:
+    """Those in which a row has all of its past."""
+    return [run for run in runs if len(run) > NOISE_COLOUR.longest]
 
 
 def _rows(runs: Sequence[Array], order: int) -> tuple[Array, Array]:
     """Earlier samples, shape (n, order), and the sample that follows."""
-    long = [run for run in runs if len(run) > NOISE_COLOUR.longest]
+    long = _long(runs)
     past = [[run[NOISE_COLOUR.longest - k : len(run) - k] for k in range(1, order + 1)] for run in long]
     now = np.concatenate([run[NOISE_COLOUR.longest :] for run in long])
     return np.concatenate([np.array(each).T for each in past]) if order else np.empty((len(now), 0)), now

@@ -53,6 +53,8 @@ OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUS
 """The cause that is a constant acceleration, and its parameter: Eq. 1 is linear in it."""
 OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
 """By how much it grows with time: searched in runs of whole recordings alone, windows hardly show it."""
+WITHOUT_SIGN: Final = frozenset(name for name, one in CAUSES.items() if one.unsigned)
+"""Causes behind which the sign of the gain is not told: the plant turned round reads alike."""
 MIRRORED: Final = frozenset(f"{name}.{of}" for name, one in CAUSES.items() for of in one.mirrored)
 """Places of parameters that turn their sign with that of the command."""
 

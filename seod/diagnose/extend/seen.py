@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.record.column_checks import tells_supply
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -66,7 +68,7 @@ def seen(recording: Recording, speed: bool) -> Seen:
     elif is_relay:
         centre = float(np.nanmean(y[switches[0] : switches[-1]]))
     volts = float(np.nanmax(np.abs(u)))
-    ps = recording.ps
+    ps = recording.ps if tells_supply(recording) else None
     return Seen(
         rate_hz=recording.rate_hz,
         unit=recording.units.get("y", ""),

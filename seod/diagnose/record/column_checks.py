@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -23,6 +24,28 @@ _UNITS: Final = {
     2.0 * math.pi: "turns for radians",
     25.4: "mm for inches",
 }
+
+
+def tells_supply(recording: Recording) -> bool:
+    """Whether it has a supply pressure, that is above 0 in most of its rows that tell one."""
+    ps = recording.ps
+    return ps is not None and bool(np.isfinite(ps).any()) and float(np.nanmedian(ps)) > 0.0
+
+
+def with_believed_supply(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """Without a supply pressure that is none, and what is said of that."""
+    ps = recording.ps
+    if ps is None or tells_supply(recording):
+        return recording, ()
+    if not np.isfinite(ps).any():
+        return replace(recording, ps=None), ()
+    times = "seldom" if np.any(ps > 0.0) else "never"
+    column = recording.names.get("ps", "ps")
+    said = (
+        f"{recording.paths[0]}: column {column!r}, the supply pressure ps, is {times} above 0: is its sensor "
+        "connected? It is not used. Right would be a pressure above 0, of another column by --columns ps=..."
+    )
+    return replace(recording, ps=None), (said,)
 
 
 def column_remarks(name: str, recording: Recording) -> list[str]:

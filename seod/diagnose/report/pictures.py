@@ -11,6 +11,7 @@ import numpy as np
 
 from seod.diagnose.report.chart import AFTER, BEFORE
 from seod.diagnose.report.units import Units
+from seod.diagnose.report.words import drives_load
 from seod.diagnose.show.residual import Residual, residual, scored
 
 if TYPE_CHECKING:
@@ -59,8 +60,8 @@ class Pictures:
 
     @property
     def load(self) -> str:
-        """What drives the load: a pressure where a supply pressure was recorded, else nobody knows what."""
-        return "load pressure" if any(w.ps is not None for w in self.windows) else "load force"
+        """What drives the load."""
+        return drives_load(self.diagnosis)
 
     def noise(self, window: Window) -> float:
         """Standard deviation of the samples' noise; nan where it is not known."""

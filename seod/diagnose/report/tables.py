@@ -7,7 +7,15 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from seod.diagnose.report.units import Units
-from seod.diagnose.report.words import free_run, free_run_names, interval, of_record, percent, what_it_is
+from seod.diagnose.report.words import (
+    free_run,
+    free_run_names,
+    interval,
+    of_record,
+    offset_and_delay,
+    percent,
+    what_it_is,
+)
 from seod.diagnose.result import SD_OF_95
 from seod.plots.page import table
 from seod.terminal.text import figure, number, with_sd
@@ -15,7 +23,7 @@ from seod.terminal.text import figure, number, with_sd
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from seod.diagnose.result import Diagnosis, FoundEffect, Score
+    from seod.diagnose.result import Common, Diagnosis, FoundEffect, Score
 
 
 def figures(d: Diagnosis, unit: str) -> str:
@@ -29,12 +37,33 @@ def figures(d: Diagnosis, unit: str) -> str:
         ("zeta", lambda score: _value(score, "zeta")),
         (f"K_L [{escape(Units.of(unit, d.output).gain)}]", lambda score: _value(score, "K_L")),
     ]
+    head = ["", *(name for name, _ in models)]
     rows = [[title, *(of(score) for _, score in models)] for title, of in told]
-    rows += [
+    free_runs = [
         [escape(which), *(free_run(score, k) for _, score in models)]
         for k, which in enumerate(free_run_names(d, unit))
     ]
-    return table(["", *(name for name, _ in models)], rows, "figures")
+    common = d.baseline.common
+    if common is not None:
+        own = ["baseline with offset and delay", *_common(d, common)]
+        head, *rows = [_inserted(row, cell) for row, cell in zip([head, *rows], own, strict=True)]
+        rows += [
+            _inserted([f"{name} [{escape(of)}]", *("" for _ in models)], value)
+            for name, value, of in offset_and_delay(d, common, unit)
+        ]
+        free_runs = [_inserted(row, "") for row in free_runs]
+    return table(head, [*rows, *free_runs], "figures")
+
+
+def _inserted(row: list[str], cell: str) -> list[str]:
+    """A cell behind that of the baseline."""
+    return [*row[:2], cell, *row[2:]]
+
+
+def _common(d: Diagnosis, common: Common) -> list[str]:
+    """Figures of the baseline with offset and delay, in the order of the table."""
+    values = (figure(each, 5) for each in (common.omega_n, common.zeta, common.K_L))
+    return [f"<b>{percent(common.holdout_nrmse)}</b>", "", percent(d.noise_floor_nrmse), *values]
 
 
 def _held_out(score: Score) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from rich import box
 from rich.table import Table
@@ -16,6 +16,7 @@ from seod.diagnose.report.words import (
     headline,
     interval,
     of_record,
+    offset_and_delay,
     percent,
 )
 from seod.diagnose.result import SD_OF_95
@@ -24,8 +25,6 @@ from seod.terminal.text import figure, number, with_sd
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Common, Diagnosis, Score
-MATTERS: Final = 0.9
-"""Error of the baseline with an offset and a delay over that without, up to which it is shown."""
 
 
 def as_text(d: Diagnosis, unit: str) -> str:
@@ -45,15 +44,18 @@ def _figures(d: Diagnosis, unit: str) -> Table:
     models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
     for title, score in models:
         table.add_row(title, *_score(score))
-        if score.common is not None and score.common.holdout_nrmse < MATTERS * score.holdout_nrmse:
-            table.add_row("with offset and delay", *_common(score.common))
+        if score.common is not None:
+            table.add_row(*_common(d, score.common, unit))
     table.add_row("noise", percent(d.noise_floor_nrmse))
     return table
 
 
-def _common(common: Common) -> list[str]:
+def _common(d: Diagnosis, common: Common, unit: str) -> list[str]:
+    """Offset and delay stand below each other: the table is as wide as a terminal."""
+    offset, *of_y, delay = (f"{value} {of}" for _, value, of in offset_and_delay(d, common, unit))
+    title = ["with offset", offset, *(f"({each} of y)" for each in of_y), f"and delay {delay}"]
     values = (figure(each, 5) for each in (common.omega_n, common.zeta, common.K_L))
-    return [percent(common.holdout_nrmse), "", *values]
+    return ["\n".join(title), percent(common.holdout_nrmse), "", *values]
 
 
 def _free_runs(d: Diagnosis, unit: str) -> Table:

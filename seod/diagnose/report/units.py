@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Output
+
+_NOBODYS: Final = re.compile(r"(?<!\w)unit/s\^\d\b")
+"""Units of a derivative, in sentences that are made where nobody knows that of y."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +40,16 @@ class Units:
             "unit": self.position,
             "unit/s": self.speed,
             "unit/s^2": self.acceleration,
+            "unit/s^3": _per_s(self.acceleration),
             "unit (unit/s for a speed)": self.reading,
             "rad/unit": f"rad/({self.position})" if "·" in self.position else f"rad/{self.position}",
         }
         first, more, rest = text.partition(" for each ")
         return own.get(first, first) + more + rest
+
+    def told(self, sentence: str) -> str:
+        """A sentence of the answer, with these units in place of nobody's."""
+        return _NOBODYS.sub(lambda found: self.named(found[0]), sentence)
 
 
 def _per_s(unit: str) -> str:

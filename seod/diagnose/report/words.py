@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from seod.diagnose.account.grade import told_apart
 from seod.diagnose.causes.table import CAUSES, sentence
 from seod.diagnose.report.units import Units
@@ -15,10 +17,10 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.result import Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
+    from seod.diagnose.result import Common, Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
 
 _LEAST: Final = 0.1
-"""Change of zeta, omega_n or K_L that is one [%]."""
+"""Change of zeta, omega_n or K_L that is one, and part of a command that is an offset [%]."""
 GRADES: Final[dict[Grade, str]] = {
     "useless": "the model foretells held-out windows no better than their mean, or than Eq. 1 alone",
     "partly": "the model foretells a part of the movement",
@@ -76,10 +78,11 @@ def _listed(d: Diagnosis, *, defects: bool) -> str:
 
 def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
     """What the effects did to zeta and omega_n, what cannot be told apart, and what is left (`unit` of y)."""
+    units = Units.of(unit, d.output)
     yield from _accounted(d)
     if d.effects:
         yield from _plant(d)
-    yield from (each.replace(OF_POSITION, Units.of(unit, d.output).position) for each in _meant(d))
+    yield from (each.replace(OF_POSITION, units.position) for each in _meant(d))
     for effect in d.effects:
         if effect.indistinguishable_from:
             others = ", ".join(effect.indistinguishable_from)
@@ -92,15 +95,15 @@ def consequences(d: Diagnosis, unit: str = "unit") -> Iterator[str]:
         plan = d.next_experiment
         separates = ", ".join(plan.separates)
         yield f"Next experiment, to separate {separates}: {_closed(plan.input)} {_closed(plan.reason)}"
-    yield from d.remarks
+    yield from map(units.told, d.remarks)
 
 
 def _accounted(d: Diagnosis) -> Iterator[str]:
     """The grade, the three parts of the squared error, and what models without physics reach."""
     account = d.account
+    yield f"Grade: {d.grade.replace('_', ' ')}: {GRADES[d.grade]}."
     if account is None:
         return
-    yield f"Grade: {d.grade.replace('_', ' ')}: {GRADES[d.grade]}."
     if d.yardstick is not None:
         reached = f"ARX {percent(d.yardstick.arx)}, NARX {percent(d.yardstick.narx)}"
         yield f"Without physics, over the same windows: {reached}."
@@ -188,10 +191,31 @@ def _left(d: Diagnosis) -> str:
     share = f"{_rounded(100.0 * d.unexplained.fraction)} % of the baseline's squared error above the noise"
     shares = d.unexplained.shares
     on = [
-        f"{name} ({_rounded(100.0 * shares[name])} % of the rest)" if name in shares else name
+        f"{_signal(d, name)} ({_rounded(100.0 * shares[name])} % of the rest)"
+        if name in shares
+        else _signal(d, name)
         for name in d.unexplained.correlates_with
     ]
     return f"Unexplained: {share}{'; it goes with ' if on else ''}{', '.join(on)}."
+
+
+def _signal(d: Diagnosis, name: str) -> str:
+    """What a residual goes with, in words."""
+    words = {
+        "input": "the command",
+        "pressure": f"the {drives_load(d)}",
+        "velocity": "the velocity",
+        "position": "the position",
+        "time": "the time",
+        "supply_pressure": "the supply pressure",
+        "measured_channel": "the measured disturbance",
+    }
+    return words.get(name, name)
+
+
+def drives_load(d: Diagnosis) -> str:
+    """What drives the load: a pressure where a supply pressure was recorded, else nobody knows what."""
+    return "load pressure" if any(w.ps is not None for w in d.windows) else "load force"
 
 
 def what_it_is(effect: FoundEffect) -> str:
@@ -216,6 +240,25 @@ def percent(nrmse: float) -> str:
     if not math.isfinite(nrmse):
         return "-"
     return f"{figure(100.0 * nrmse, 3)} %"
+
+
+def offset_and_delay(d: Diagnosis, common: Common, unit: str) -> list[tuple[str, str, str]]:
+    """What a baseline with both has of them: name, value and unit (`unit` of y).
+
+    An offset of u is one of y where that is a speed. Next to nothing of a command, or of a row's time, is 0.
+    """
+    volts = max((float(np.max(np.abs(w.u))) for w in d.windows), default=0.0)
+    tick = max((float(np.max(np.diff(w.t))) for w in d.windows), default=0.0)
+    offset, delay = _or_nothing(common.offset, volts), _or_nothing(common.delay, tick)
+    told = [("offset of u", offset, "V")]
+    if d.output == "velocity":
+        told.append(("offset of y", common.K_L * offset + 0.0, unit))  # not -0
+    told.append(("delay", 1e3 * delay, "ms"))
+    return [(name, number(value, 3) if math.isfinite(value) else "-", of) for name, value, of in told]
+
+
+def _or_nothing(value: float, whole: float) -> float:
+    return 0.0 if abs(value) < 0.01 * _LEAST * whole else value
 
 
 MOST_RUNS: Final = 4
