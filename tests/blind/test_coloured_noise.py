@@ -7,7 +7,7 @@ import pytest
 from hidden_cases import draw, run
 from hidden_records import Record, write
 from hidden_rig import GIVEN, Drive, simulate
-from scipy.signal import lfilter
+from scipy.signal import chirp, detrend, lfilter
 
 from seod.data import read
 from seod.diagnose.pipeline import Options, diagnose
@@ -67,3 +67,20 @@ def test_what_is_off_the_list_shows_through_coloured_noise(tmp_path, cause, exci
     assert found.verdict == "unexplained"
     assert found.account.systematic_nrmse > 0.02
     assert found.grade in {"partly", "useless"}
+
+
+@pytest.mark.parametrize(("cause", "sees_speed"), [(None, False), ("hardening", False), ("drag", True)])
+def test_under_a_sweep_coloured_noise_is_noise_and_what_is_off_the_list_shows(tmp_path, cause, sees_speed):
+    """No two windows of a sweep are alike; pieces of one are like those beside them."""
+    kind = ("clean", ()) if cause is None else ("unlisted", (cause,))
+    case = draw(71050 if cause is None else 71200, *kind, "multisine", sees_speed, duration=SECONDS)
+    hertz = case.rig.omega_n / (2.0 * np.pi)
+    u = case.volts * chirp(case.t, 0.1 * hertz, case.t[-1], 3.0 * hertz, method="logarithmic")
+    y, u = simulate(case.rig, case.t, Drive(GIVEN, u), latency=case.latency)
+    quiet = dataclasses.replace(case, noise=0.01 * float(np.std(detrend(y))))
+    found = told(case, y + coloured(0.95, quiet), u, tmp_path)
+    if cause is None:
+        assert (found.verdict, found.effects) == ("clean", ())
+        assert found.account.asked
+    else:
+        assert found.verdict == "unexplained"
