@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from seod.diagnose.account.account import accounted
+from seod.diagnose.account.prediction_errors import Predicted, Predictions
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
@@ -36,6 +38,7 @@ from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
 from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Searched, answered, trimmed
@@ -287,6 +290,7 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
     base, chosen = _measured(choice, start, unseen, way)
+    base, chosen = _remembering(choice, base, chosen, start, unseen, way)
     last_base = chosen.to_all if chosen.over_all is base.found else _last(base.found, start, way)
     chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
     effects = found_effects(chosen, screened, grown.tried)
@@ -336,14 +340,47 @@ def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Ju
     most = choice.base.held.rms
     over_all = fitted_in_one_run(over_all, start.held_out, most, way.parallel, way.budget.last_fit())
     last = _last(over_all, start, way)
-    drift = None
-    if choice.best.held.adequacy > HELD_OUT.adequate:
-        drift = drifting_load(last, start.held_out.series, way.parallel, way.budget.drift())
     if over_all is best and unseen.windows == start.held_out.windows:
-        return choice.base, Chosen(best, best, last, choice.without, choice.best.held, drift)
+        return choice.base, Chosen(best, best, last, choice.without, choice.best.held)
     every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
     base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
-    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held, drift)
+    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held)
+
+
+def _remembering(
+    choice: Choice, base: Judged, chosen: Chosen, start: _Start, unseen: Cut, way: _Way
+) -> tuple[Judged, Chosen]:
+    """The same where more than white noise is left: by prediction errors, or beside a load that drifts."""
+    if choice.best.held.adequacy <= HELD_OUT.adequate:
+        return base, chosen
+    predicted = _by_predictions(choice, chosen.over_all, start, way)
+    if predicted is None:
+        drift = drifting_load(chosen.to_all, start.held_out.series, way.parallel, way.budget.drift())
+        return base, replace(chosen, drift=drift)
+    own = Judged.of(predicted.told, unseen)
+    without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
+    told = Chosen(own.found, own.found, _last(own.found, start, way), without, own.held)
+    return (base if own.found.model.names else own), told
+
+
+def _by_predictions(choice: Choice, found: Fitted, start: _Start, way: _Way) -> Predicted | None:
+    """The set fitted by prediction errors; None where these leave something systematic.
+
+    Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left.
+    """
+    asked = start.to_fit, start.held_out
+    how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit)
+    predicted = how.predicted(found)
+    if predicted is None:
+        return None
+    seen, held = (simulate_held_out(predicted.fitted.model, predicted.fitted.x, cut) for cut in asked)
+    simulated = Judged.of(predicted.simulated, start.held_out).held
+    if held.nrmse > PREDICTION.as_far * simulated.nrmse:
+        return None
+    account, _ = accounted(predicted.fitted, seen, held, choice.base.held)
+    if account is None or account.systematic > 0.0 or not account.asked:
+        return None
+    return predicted
 
 
 def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: _Way) -> tuple[Fitted | None, ...]:

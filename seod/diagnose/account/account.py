@@ -68,7 +68,7 @@ def accounted(
     shown = systematic([*parts, *own], held.cut.series, Plant.of(found.model, found.x))
     other = yardstick(seen.cut, held.cut)
     if other is not None:
-        nearer = beaten(held, other)
+        nearer = beaten(held, other, shown.noise)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
             shown = shown._replace(part=min(1.0, nearer.square / mean_square(own)), by="yardstick")
     remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0

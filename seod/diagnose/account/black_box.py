@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.account.residual import compared, mean_square
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.account.residual import Plant, Share, WindowResidual
-    from seod.diagnose.result import Array, Rows
+    from seod.diagnose.result import Array, Mask, Rows
 
 
 class Foretold(NamedTuple):
@@ -53,52 +53,83 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = Fal
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
     The same is asked of the residual with a known part added to it, of several shapes, sizes and signs.
+    Errors are what noise does not foretell: first all that is left is taken for noise, then the rest of it.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
+    first = _foretold(parts, plant, colour(parts), swept=swept)
+    if mean_square(first.rest) >= mean_square(parts):
+        return first
+    return _foretold(parts, plant, colour(first.rest), swept=swept)
+
+
+def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool) -> Foretold:
     sizes = sizes_of(parts)
     added = _added(parts, plant, sizes)
-    pieces = _pieces(parts, swept=swept)
+    pieces = _pieces(parts, noise, swept=swept)
     products = []
     for w, one in enumerate(parts):
-        columns = _columns(one, plant, sizes, added)
+        columns = _columns(one, plant, sizes, added, noise)
         products += [_products(columns[each.rows]) for each in pieces if each.window == w]
     targets = products[0].shape[0] - len(added)
     weights = [_weights([_of(each, targets, k) for each in products]) for k in range(len(added))]
-    rest, before, after = [], [], []
+    rest, plain, white = [], [], []
     for w, one in enumerate(parts):
-        columns = _columns(one, plant, sizes, added)
-        known, asked = columns[:, :targets], columns[:, targets:]
-        error = np.zeros((len(added), len(one.t)))
-        for p, each in enumerate(pieces):
-            if each.window == w:
-                by_others = np.array([some[p] for some in weights])
-                error[:, each.rows] = (asked[each.rows] - known[each.rows] @ by_others.T).T
-        rest.append(replace(one, error=error[0]))
-        before.append(asked.T**2)
-        after.append(error**2)
-    scored = [one.scored for one in parts]
-    longest = float(np.mean([each.sum() for each in scored])) / (
-        BLACK_BOX.correlations * colour(rest).correlation
+        by_others = [
+            (each.rows, np.array([some[p] for some in weights]))
+            for p, each in enumerate(pieces)
+            if each.window == w
+        ]
+        columns = _columns(one, plant, sizes, added, WHITE)
+        plain.append(_before_and_after(columns[:, : targets + 1], [(r, x[:1]) for r, x in by_others]))
+        rest.append(replace(one, error=plain[-1].after[0], scored=plain[-1].counts))
+        white.append(_before_and_after(_columns(one, plant, sizes, added, noise), by_others))
+    longest = float(np.mean([one.counts.sum() for one in white])) / (
+        BLACK_BOX.correlations
+        * colour(
+            [
+                replace(one, error=each.after[0], scored=each.counts)
+                for one, each in zip(parts, white, strict=True)
+            ]
+        ).correlation
     )
-    count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(scored))))
+    count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 
-    def share(k: int, of: Sequence[int]) -> Share:
-        return compared([before[w][k] for w in of], [after[w][k] for w in of], [scored[w] for w in of], count)
+    def share(of: Sequence[Errors], k: int) -> Share:
+        before, after = [one.before[k] ** 2 for one in of], [one.after[k] ** 2 for one in of]
+        return compared(before, after, [one.counts for one in of], count)
 
-    every = range(len(parts))
-    own = share(0, every)
-    shown = [share(k, every).significant for k in range(1, len(added))]
-    new = share(0, [w for w in every if parts[w].held_out])
+    own = share(white, 0)
+    shown = [share(white, k).significant for k in range(1, len(added))]
+    new = share([each for one, each in zip(parts, plain, strict=True) if one.held_out], 0)
     return Foretold(replace(new, score=own.score, limit=own.limit), rest, _detectable(shown))
 
 
-def _pieces(parts: Sequence[WindowResidual], *, swept: bool) -> list[Piece]:
+class Errors(NamedTuple):
+    """A residual, and those with a known part added, before and after what is foretold; shape (k, n)."""
+
+    before: Array
+    after: Array
+    counts: Mask
+
+
+def _before_and_after(columns: Array, by_others: Sequence[tuple[Rows, Array]]) -> Errors:
+    """Errors where pieces are foretold: rows, and the coefficients of each residual by other pieces."""
+    asked = by_others[0][1].shape[0]
+    before, counts = columns[:, -asked:].T, np.zeros(len(columns), np.bool_)
+    after = np.zeros_like(before)
+    for rows, weights in by_others:
+        after[:, rows] = before[:, rows] - weights @ columns[rows, :-asked].T
+        counts[rows] = True
+    return Errors(before, after, counts)
+
+
+def _pieces(parts: Sequence[WindowResidual], noise: NoiseColour, *, swept: bool) -> list[Piece]:
     """Windows, or of a sweep parts of them, each longer than what does not repeat is alike."""
-    every = [np.flatnonzero(one.scored) for one in parts]
+    every = [np.flatnonzero(noise.has_past(one.scored)) for one in parts]
     if not swept:
         return [Piece(w, rows) for w, rows in enumerate(every)]
-    length = BLACK_BOX.alike * colour(parts).correlation
+    length = BLACK_BOX.alike * noise.correlation
     out = []
     for w, rows in enumerate(every):
         count = int(min(max(1.0, len(rows) / length), BLACK_BOX.most_pieces))
@@ -140,7 +171,7 @@ def _shapes(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array
     wave, limit = np.sin(BLACK_BOX.unlisted_wave * math.pi * x), BLACK_BOX.unlisted_limit
     forces = _through(_load(plant), [np.sign(v) * np.sqrt(np.abs(v)), wave], angle)
     volts = _through(_valve(plant), [np.clip(u, -limit, limit), u * np.sqrt(np.abs(u)) * x], angle)
-    return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle)
+    return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle, WHITE)
 
 
 def _of(products: Array, targets: int, k: int) -> Array:
@@ -186,30 +217,36 @@ def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
 
 
 def _columns(
-    one: WindowResidual, plant: Plant, sizes: dict[str, float], added: Sequence[tuple[int, float]]
+    one: WindowResidual,
+    plant: Plant,
+    sizes: dict[str, float],
+    added: Sequence[tuple[int, float]],
+    noise: NoiseColour,
 ) -> Array:
     """All terms, and the residual with what is added, without what a state at the beginning would do.
 
-    Shape (n, p + len(added)).
+    All as they come through what makes this noise white. Shape (n, p + len(added)).
     """
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
     angle = tick * plant.omega_n
     forces = _through(_load(plant), _forces(p, v, x), angle)
     volts = _through(_valve(plant), _volts(u, p, x, angle), angle)
-    columns = np.column_stack([*forces, *volts, *_readings(p, v, x), one.error])
-    columns = _without_beginning(columns, one, plant, angle)
+    error = np.where(one.scored, one.error, 0.0)
+    columns = np.column_stack([*forces, *volts, *_readings(p, v, x), error])
     shapes = _shapes(one, plant, sizes)
     more = [columns[:, -1] + size * shapes[:, k] for k, size in added[1:]]
-    return np.column_stack([columns, *more])
+    return _without_beginning(np.column_stack([columns, *more]), one, plant, angle, noise)
 
 
-def _without_beginning(columns: Array, one: WindowResidual, plant: Plant, angle: float) -> Array:
-    """Columns less what is as a state at the window's beginning moves the reading; changed in place."""
-    kept = one.scored
-    basis, _ = np.linalg.qr(_free(len(one.t), plant, angle)[kept])
-    columns[kept] -= basis @ (basis.T @ columns[kept])
-    return columns
+def _without_beginning(
+    columns: Array, one: WindowResidual, plant: Plant, angle: float, noise: NoiseColour
+) -> Array:
+    """Columns, made white, less what is as a state at the window's beginning moves the reading."""
+    kept, white = noise.has_past(one.scored), noise.whitened(columns)
+    basis, _ = np.linalg.qr(noise.whitened(_free(len(one.t), plant, angle))[kept])
+    white[kept] -= basis @ (basis.T @ white[kept])
+    return white
 
 
 def _forces(p: Array, v: Array, x: Array) -> list[Array]:

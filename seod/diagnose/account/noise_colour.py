@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.signal import lfilter
 
+from seod.diagnose.record.memory import has_past, unforeseen
 from seod.diagnose.tuning.account import NOISE_COLOUR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.account.residual import WindowResidual
-    from seod.diagnose.result import Array
+    from seod.diagnose.result import Array, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,17 @@ class NoiseColour:
     def order(self) -> int:
         """Of the autoregression."""
         return len(self.memory)
+
+    def whitened(self, x: Array) -> Array:
+        """Rows of `x`, shape (n, ...), less what this noise would make of those before."""
+        return unforeseen(x, self.memory)
+
+    def has_past(self, scored: Mask) -> Mask:
+        """Rows that count, and all those before each by which it is foretold; shape (n,)."""
+        return has_past(scored, self.order)
+
+
+WHITE: Final = NoiseColour((), 1.0, 1.0)
 
 
 def colour(parts: Sequence[WindowResidual]) -> NoiseColour:

@@ -8,7 +8,7 @@ fitted to its first fifth, as that of the plant.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,8 +20,9 @@ from seod.diagnose.fitting.held_out import nrmse
 from seod.diagnose.tuning.account import SYSTEMATIC, YARDSTICK
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from seod.diagnose.account.noise_colour import NoiseColour
     from seod.diagnose.account.residual import Share
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.record.windows import Cut
@@ -114,14 +115,27 @@ def _side_by_side(some: Sequence[Array]) -> Array:
     return np.column_stack([np.r_[one, np.full(longest - len(one), one[-1])] for one in some])
 
 
-def beaten(held: HeldOut, other: Reached) -> Share:
-    """By how much a model without physics comes nearer: the difference of the mean squared errors."""
-    own, others = held.error**2, (held.cut.y - other.simulated) ** 2
-    scored = held.scored & held.sure
-    slices = held.cut.slices
+def beaten(held: HeldOut, other: Reached, noise: NoiseColour) -> Share:
+    """By how much a model without physics comes nearer: the difference of the mean squared errors.
+
+    Whether that is more than chance is asked of errors made white: where a loop acts on what disturbs the
+    load, a command tells of it, and a model that forgets comes nearer than the plant.
+    """
+    own, others = held.error, held.cut.y - other.simulated
+    scored, slices = held.scored & held.sure, held.cut.slices
     count = math.ceil(SYSTEMATIC.segments / len(slices))
-    before, after = [own[p] for p in slices], [others[p] for p in slices]
-    return compared(before, after, [scored[p] for p in slices], count)
+    kept = [scored[p] for p in slices]
+
+    def compared_through(made: Callable[[Array], Array], rows: Sequence[Mask]) -> Share:
+        before, after = (
+            [made(np.where(some, x[p], 0.0)) ** 2 for some, p in zip(kept, slices, strict=True)]
+            for x in (own, others)
+        )
+        return compared(before, after, rows, count)
+
+    nearer = compared_through(lambda x: x, kept)
+    shown = compared_through(noise.whitened, [noise.has_past(some) for some in kept])
+    return replace(nearer, score=shown.score, limit=shown.limit)
 
 
 def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:

@@ -102,7 +102,7 @@ def fitted_to_all_rows(
         cut = segments(Cut(windows.series, whole_series(windows.series)), longest)
     else:
         cut = fitted_windows(windows)
-    return fitted_over(fitted, cut, parallel, ended)
+    return fitted_over(fitted, cut.remembering(own.memory), parallel, ended)
 
 
 def whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:

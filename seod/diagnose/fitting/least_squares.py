@@ -16,7 +16,6 @@ from seod.diagnose.fitting.backlash_jumps import Softness, jumps, smooth, softne
 from seod.diagnose.fitting.normal_equations import Normal, Table
 from seod.diagnose.fitting.simulate import LOOSE, VELOCITY, loosest
 from seod.diagnose.record.coarse_sensor import beyond
-from seod.diagnose.record.windows import Cut
 from seod.diagnose.tuning.fitting import FIT
 from sim.physics import dry_friction
 
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
 
     ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
@@ -291,7 +291,7 @@ def rounded(cut: Cut) -> Cut:
         replace(recording, slack=0.0, level=recording.noise, allowed=recording.noise)
         for recording in cut.series
     ]
-    return Cut(every, cut.windows)
+    return replace(cut, series=every)
 
 
 def least_square(cut: Cut) -> Array:
@@ -314,7 +314,7 @@ def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness |
         residual = beyond(residual, cut.slack)
     if more.any():
         residual /= np.sqrt(1.0 + more / np.repeat(level, cut.sizes) ** 2)
-    return np.fmin(np.fmax(residual, -1e100), 1e100)  # of what is no number, one of them
+    return cut.unforeseen(np.fmin(np.fmax(residual, -1e100), 1e100))  # of what is no number, one of them
 
 
 def settle(model: Model, cut: Cut, x: Array, start: Array, rows: Mask, most: int = FIT.states_steps) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from seod.diagnose.record.memory import has_past, unforeseen
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.tuning.record import SERIES, WINDOWS
 
@@ -46,10 +47,12 @@ class Cut:
     Attributes:
         series: Their recordings.
         windows: (series, first row, row after the last) of each, ascending within a series.
+        memory: Of the noise, newest first: errors are what it does not foretell. Empty: they are as they are.
     """
 
     series: Sequence[Series]
     windows: tuple[tuple[int, int, int], ...]
+    memory: tuple[float, ...] = ()
 
     @cached_property
     def sizes(self) -> Rows:
@@ -91,7 +94,20 @@ class Cut:
     @cached_property
     def good(self) -> Mask:
         """Rows that count, end to end."""
-        return _kept(self.gathered("good").astype(np.bool_))
+        good = self.gathered("good").astype(np.bool_)
+        if self.memory:
+            good = np.concatenate([has_past(good[rows], len(self.memory)) for rows in self.slices])
+        return _kept(good)
+
+    def remembering(self, memory: tuple[float, ...]) -> Cut:
+        """The same windows, of which errors are what noise with this memory does not foretell."""
+        return replace(self, memory=memory)
+
+    def unforeseen(self, error: Array) -> Array:
+        """Errors, end to end, less what the noise foretells of them."""
+        if not self.memory:
+            return error
+        return np.concatenate([unforeseen(error[rows], self.memory) for rows in self.slices])
 
     @cached_property
     def noise(self) -> Array:

@@ -1,0 +1,138 @@
+"""Fits by prediction errors, where what is left of a simulation is noise that remembers.
+
+A loop acts on what disturbs the load, so that its commands tell of it. The model whose simulation errs least
+is not the plant then: it makes use of that. Errors that the noise's own past does not foretell are free of
+it, and fits to them come to the plant, in a loop and without one (Ljung, System Identification, 2nd ed.,
+13.4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import norm
+
+from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.residual import window_residuals
+from seod.diagnose.fitting.held_out import simulate_held_out
+from seod.diagnose.fitting.initial_states import begun_states
+from seod.diagnose.fitting.least_squares import fit, weighted
+from seod.diagnose.search.beam import least_gain
+from seod.diagnose.tuning.account import PREDICTION, SYSTEMATIC
+from seod.diagnose.tuning.search import REFINE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """A set of effects fitted by prediction errors.
+
+    Attributes:
+        fitted: It, without the effects that gain too little by their own measure.
+        without: Of each effect the set without it, with the noise that this one leaves.
+        simulated: The same set fitted by its simulation.
+    """
+
+    fitted: Fitted
+    without: dict[str, Fitted]
+    simulated: Fitted
+
+    @property
+    def told(self) -> Fitted:
+        """By which numbers are told: the simulation's, unless commands answer to what disturbs the load."""
+        return self.fitted if self.fitted.cut.relayed or answered(self.fitted) else self.simulated
+
+
+@dataclass(frozen=True, slots=True)
+class Predictions:
+    """How such fits are made.
+
+    Attributes:
+        base: Eq. 1, or the rig's model, fitted by its simulation.
+        asked: Windows of which the noise is what a simulation leaves.
+        parallel: As `map`.
+        budget: Gives what tells when a fit has had its part.
+    """
+
+    base: Fitted
+    asked: tuple[Cut, ...]
+    parallel: ParallelMap
+    budget: Callable[[], Callable[[], bool]]
+
+    def predicted(self, found: Fitted) -> Predicted | None:
+        """From a set fitted by its simulation; None where that leaves white noise."""
+        newest = self.with_own_noise(found)
+        while newest.cut.memory:
+            rest = {name: self.without(name, newest) for name in newest.model.names}
+            idle = [name for name, one in rest.items() if _saved(one, newest) < least_gain(newest.cut)]
+            if not idle:
+                return Predicted(newest, rest, self.fitted(newest.model, newest, found.cut))
+            newest = rest[min(idle, key=lambda name: _saved(rest[name], newest))]
+        return None
+
+    def without(self, name: str, found: Fitted) -> Fitted:
+        """A set without an effect, likewise: without any from the baseline, too."""
+        model = found.model.without(name)
+        begins = [found] if model.names else [found, self.base]
+        each = [self.with_own_noise(self.fitted(model, one, found.cut)) for one in begins]
+        return min(each, key=lambda one: one.cost)
+
+    def with_own_noise(self, found: Fitted) -> Fitted:
+        """A set, fitted by what the noise that its own simulation leaves does not foretell."""
+        for _ in range(PREDICTION.rounds):
+            found = self.fitted(found.model, found, found.cut.remembering(self._memory(found)))
+        return found
+
+    def fitted(self, model: Model, near: Fitted, cut: Cut) -> Fitted:
+        """A model from the numbers and initial states of one near it."""
+        x = model.searched(near.model.values(near.x))
+        same = [near.start] if near.cut.windows == cut.windows else []
+        start = begun_states(model, x, cut, *same)
+        ended, enough = self.budget(), REFINE.fine_improvement
+        return fit(model, cut, x, start, REFINE.fine_steps, self.parallel, ended=ended, enough=enough)
+
+    def _memory(self, found: Fitted) -> tuple[float, ...]:
+        every = (simulate_held_out(found.model, found.x, cut) for cut in self.asked)
+        parts = [part for held in every for part in window_residuals(held, held_out=False)]
+        return colour(parts).memory if parts else ()
+
+
+def answered(fitted: Fitted) -> bool:
+    """Whether commands depend on what was not foretold of the readings before: whether a loop is closed.
+
+    Both made white, the sum of their products at each lag has a known deviation where it is not (Caines and
+    Chan, IEEE Trans. Automatic Control 20, 1975).
+    """
+    cut = fitted.cut
+    error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
+    u, slices = cut.gathered("u"), cut.slices
+    past = np.concatenate([_shifted(u[rows], PREDICTION.command_order) for rows in slices])
+    command = u - past @ np.linalg.lstsq(past, u, rcond=1e-10)[0]
+    scores = [
+        sum(float(command[rows][lag:] @ error[rows][: len(error[rows]) - lag]) for rows in slices)
+        for lag in range(PREDICTION.lags)
+    ]
+    size = math.sqrt(float(np.mean(command**2) * np.mean(error**2)) * len(u))
+    limit = norm.isf(0.5 * SYSTEMATIC.chance / PREDICTION.lags)
+    return bool(np.max(np.abs(scores)) > limit * size)
+
+
+def _shifted(u: Array, order: int) -> Array:
+    """Commands before each, and 1; shape (n, order + 1)."""
+    before = [np.r_[np.full(min(k, len(u)), u[0]), u[: max(len(u) - k, 0)]] for k in range(1, order + 1)]
+    return np.column_stack([*before, np.ones_like(u)])
+
+
+def _saved(without: Fitted, found: Fitted) -> float:
+    """Of the mean log error by one of a set's effects."""
+    return without.cost - found.cost

@@ -1,0 +1,123 @@
+"""Fits in a loop that acts on what disturbs the load: by prediction errors they come to the plant.
+
+The plant is stepped by the exponential of its matrix, apart from `sim`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from seod.data import Recording
+from seod.diagnose.account.prediction_errors import Predictions, answered
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.uncertainty import covariance
+from seod.diagnose.record.memory import has_past, unforeseen
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, fitted_windows
+
+TRUTH = {"K_L": 20.0, "omega_n": 100.0, "zeta": 0.5}
+RATE, N = 1000.0, 12000
+T = np.arange(N) / RATE
+GUSTS = 60.0
+
+
+def stepped(command, seed=1):
+    """Readings and commands of Eq. 1 as a position, under random forces; `command(y, k)` gives the volts."""
+    K_L, omega_n, zeta = TRUTH.values()
+    a = np.zeros((5, 5))  # position, speed, acceleration by the oil, command, force
+    a[0, 1] = a[1, 2] = 1.0
+    a[1, 4] = 1.0
+    a[2, 1], a[2, 2], a[2, 3] = -(omega_n**2), -2.0 * zeta * omega_n, K_L * omega_n**2
+    step = expm(a / RATE)
+    random = np.random.default_rng(seed)
+    state, keep = np.zeros(5), np.exp(-omega_n / RATE)
+    y, u = np.empty(N), np.empty(N)
+    for k in range(N):
+        y[k] = state[0] + 1e-3 * random.normal()
+        u[k] = state[3] = command(y[k], k)
+        state[4] = keep * state[4] + GUSTS * np.sqrt(1.0 - keep**2) * random.normal()
+        state = step @ state
+    return y, u
+
+
+def relay():
+    last = [1.0]
+
+    def command(y, _):
+        last[0] = -1.0 if y > 0.02 else 1.0 if y < -0.02 else last[0]
+        return last[0]
+
+    return command
+
+
+def multisine(_, k):
+    lines = np.arange(1, 16)
+    return 0.4 * float(np.sum(np.sin(2.0 * np.pi * lines * T[k] + lines**2)))
+
+
+def servo(y, k):
+    return 4.0 * (0.5 * np.sin(2.0 * np.pi * 0.7 * T[k]) - y)
+
+
+def found(command):
+    """Fitted by its simulation, and by prediction errors."""
+    y, u = stepped(command)
+    rows = np.arange(1, N + 1)
+    one = series(Recording((Path("loop.csv"),), T, u, y, None, None, None, rows, {}, {}, ()))
+    halves = cut([one])
+    to_fit = fitted_windows(halves[0])
+    size = float(np.std(y))
+    sizes = Scales(1.0, 100.0 * size, 1e4 * size, 0.0, size, size, 100.0, 12.0, 1.0 / RATE)
+    model = baseline_model(sizes, 1.0, False, {})
+    x = model.searched({"K_L": 18.0, "omega_n": 90.0, "zeta": 0.4})
+    plain = fit(model, to_fit, x, simulated_states(model, x, to_fit), 40, enough=1e-7)
+    how = Predictions(plain, halves, map, lambda: lambda: False)
+    return plain, how.predicted(plain)
+
+
+def off(fitted):
+    values = fitted.model.values(fitted.x)
+    return np.array([np.log(values[name] / true) for name, true in TRUTH.items()])
+
+
+@pytest.mark.slow
+def test_under_a_relay_that_answers_to_gusts_the_plant_is_found():
+    plain, predicted = found(relay())
+    assert predicted is not None
+    sd = np.sqrt(np.diag(covariance(predicted.fitted)))
+    assert np.max(np.abs(off(predicted.fitted)) / sd) < 4.0
+    assert np.max(sd) < 0.02
+    assert np.max(np.abs(off(plain))) > 1.0
+    assert predicted.told is predicted.fitted
+    assert predicted.fitted.cut.memory
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "loop"), [(servo, True), (multisine, False)])
+def test_whether_commands_answer_to_what_disturbs_the_load_is_seen(command, loop):
+    _, predicted = found(command)
+    assert predicted is not None
+    assert answered(predicted.fitted) is loop
+    assert (predicted.told is predicted.fitted) is loop
+
+
+def test_what_an_autoregression_does_not_foretell_is_the_noise_that_drives_it():
+    white = np.random.default_rng(2).normal(size=500)
+    noise = np.zeros(500)
+    for k in range(500):
+        noise[k] = white[k] + 1.5 * noise[k - 1] * (k > 0) - 0.6 * noise[k - 2] * (k > 1)
+    np.testing.assert_allclose(unforeseen(noise, (1.5, -0.6)), white, atol=1e-9)
+    assert unforeseen(noise, ()) is noise
+
+
+def test_a_row_counts_where_all_before_it_do_by_which_it_is_foretold():
+    counts = np.array([True, True, True, False, True, True, True])
+    assert has_past(counts, 2).tolist() == [False, False, True, False, False, False, True]
+    assert has_past(counts, 0).tolist() == counts.tolist()
