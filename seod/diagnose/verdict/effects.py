@@ -119,7 +119,7 @@ def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
 
 
 def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
-    """Causes that alone gain something too, where the plant changes while the command sweeps.
+    """Causes that gain something too, alone or beside the others, where a plant changes under a sweep.
 
     What depends on frequency or amplitude depends on time then.
     """
@@ -127,9 +127,14 @@ def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fi
         sweeps(recording.t, recording.u) for recording in fitted.cut.series
     ):
         return []
-    alone = sorted((one for names, one in tried.items() if len(names) == 1), key=lambda one: one.cost)
-    enough = max((one.cost for one in alone), default=0.0) - least_gain(fitted.cut)
-    return [one.model.names[0] for one in alone if one.cost < enough and name not in one.model.names]
+    others, found = frozenset(fitted.model.names) - {name}, []
+    for beside in dict.fromkeys((frozenset[str](), others)):
+        sets = [one for names, one in tried.items() if beside < names and len(names) == len(beside) + 1]
+        known = [tried[beside].cost] if beside in tried else []
+        enough = max([*known, *(one.cost for one in sets)], default=0.0) - least_gain(fitted.cut)
+        gaining = sorted((one for one in sets if one.cost < enough), key=lambda one: one.cost)
+        found += [next(iter(set(one.model.names) - beside)) for one in gaining]
+    return [each for each in dict.fromkeys(found) if each not in fitted.model.names]
 
 
 def _in_place_of(
