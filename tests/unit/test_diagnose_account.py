@@ -359,3 +359,11 @@ def test_chance_counts_as_often_as_causes_were_tried(lagging):
     once = p_value(worse, held)
     assert 0.0 < once < 0.9
     assert p_value(worse, held, 7) == pytest.approx(min(1.0, 7.0 * once))
+
+
+def test_windows_too_short_for_the_noises_memory_are_asked_as_if_it_were_white():
+    """Holes leave no row with all of its past in one of them."""
+    u = multisine()
+    parts = parts_of(u, coloured(0.95, 1.0), moved(u))
+    holes = replace(parts[0], scored=parts[0].scored & (np.arange(len(parts[0].t)) % 4 > 0))
+    assert foretold([holes, *parts[1:]], PLANT) is not None

@@ -57,10 +57,15 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = Fal
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
-    first = _foretold(parts, plant, colour(parts), swept=swept)
+    first = _foretold(parts, plant, _usable(colour(parts), parts), swept=swept)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    return _foretold(parts, plant, colour(first.rest), swept=swept)
+    return _foretold(parts, plant, _usable(colour(first.rest), parts), swept=swept)
+
+
+def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
+    """White noise where a window has no row with all of its past."""
+    return noise if all(noise.has_past(one.scored).any() for one in parts) else WHITE
 
 
 def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool) -> Foretold:
@@ -84,15 +89,10 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         plain.append(_before_and_after(columns[:, : targets + 1], [(r, x[:1]) for r, x in by_others]))
         rest.append(replace(one, error=plain[-1].after[0], scored=plain[-1].counts))
         white.append(_before_and_after(_columns(one, plant, sizes, added, noise), by_others))
-    longest = float(np.mean([one.counts.sum() for one in white])) / (
-        BLACK_BOX.correlations
-        * colour(
-            [
-                replace(one, error=each.after[0], scored=each.counts)
-                for one, each in zip(parts, white, strict=True)
-            ]
-        ).correlation
-    )
+    pairs = zip(parts, white, strict=True)
+    unforeseen = [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
+    alike = BLACK_BOX.correlations * colour(unforeseen).correlation
+    longest = float(np.mean([one.counts.sum() for one in white])) / alike
     count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 
     def share(of: Sequence[Errors], k: int) -> Share:

@@ -115,11 +115,14 @@ def answered(fitted: Fitted) -> bool:
     """
     cut = fitted.cut
     error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
-    u, slices = cut.gathered("u"), cut.slices
-    past = np.concatenate([_shifted(u[rows], PREDICTION.command_order) for rows in slices])
+    u, longer = cut.gathered("u"), [rows for rows in cut.slices if rows.stop - rows.start > PREDICTION.lags]
+    past = np.concatenate([_shifted(u[rows], PREDICTION.command_order) for rows in cut.slices])
     command = u - past @ np.linalg.lstsq(past, u, rcond=1e-10)[0]
     scores = [
-        sum(float(command[rows][lag:] @ error[rows][: len(error[rows]) - lag]) for rows in slices)
+        sum(
+            float(command[rows.start + lag : rows.stop] @ error[rows.start : rows.stop - lag])
+            for rows in longer
+        )
         for lag in range(PREDICTION.lags)
     ]
     size = math.sqrt(float(np.mean(command**2) * np.mean(error**2)) * len(u))

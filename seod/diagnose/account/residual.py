@@ -140,7 +140,7 @@ def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[M
                 rows += len(each)
     saved = np.array(old) - np.array(new)
     if len(saved) < 2:
-        return Share(float(saved.sum()) / rows, math.inf, 0.0, math.inf)
+        return Share(float(saved.sum()) / max(rows, 1), math.inf, 0.0, math.inf)
     logs = np.log(np.maximum(old, 1e-300)) - np.log(np.maximum(new, 1e-300))
     root = math.sqrt(len(saved))
     sd = root * float(np.std(saved, ddof=1)) / rows
