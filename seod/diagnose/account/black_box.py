@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from seod.diagnose.account.noise_colour import WHITE, NoiseColour, colour
-from seod.diagnose.account.residual import compared, mean_square
+from seod.diagnose.account.residual import compared, fewer_shown, mean_square
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = Fal
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
     The same is asked of the residual with a known part added to it, of several shapes, sizes and signs.
-    Errors are what noise does not foretell: first all that is left is taken for noise, then the rest of it.
+    It has to show in errors as they are, and in what noise does not foretell of them: first all that is left
+    is taken for noise, then the rest of it.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
@@ -91,18 +92,24 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         white.append(_before_and_after(_columns(one, plant, sizes, added, noise), by_others))
     pairs = zip(parts, white, strict=True)
     unforeseen = [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
-    alike = BLACK_BOX.correlations * colour(unforeseen).correlation
-    longest = float(np.mean([one.counts.sum() for one in white])) / alike
-    count = int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
-
-    def share(of: Sequence[Errors], k: int) -> Share:
-        before, after = [one.before[k] ** 2 for one in of], [one.after[k] ** 2 for one in of]
-        return compared(before, after, [one.counts for one in of], count)
-
-    own = share(white, 0)
-    shown = [share(white, k).significant for k in range(1, len(added))]
-    new = share([each for one, each in zip(parts, plain, strict=True) if one.held_out], 0)
+    count = _segments(unforeseen)
+    own = fewer_shown(_share(plain, 0, _segments(rest)), _share(white, 0, count))
+    shown = [_share(white, k, count).significant for k in range(1, len(added))]
+    held_out = [each for one, each in zip(parts, plain, strict=True) if one.held_out]
+    new = _share(held_out, 0, _segments(rest))
     return Foretold(replace(new, score=own.score, limit=own.limit), rest, _detectable(shown))
+
+
+def _segments(rest: Sequence[WindowResidual]) -> int:
+    """Parts of each window that are compared: long enough to be independent of each other."""
+    alike = BLACK_BOX.correlations * colour(rest).correlation
+    longest = float(np.mean([one.scored.sum() for one in rest])) / alike
+    return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(rest))))
+
+
+def _share(of: Sequence[Errors], k: int, count: int) -> Share:
+    before, after = [one.before[k] ** 2 for one in of], [one.after[k] ** 2 for one in of]
+    return compared(before, after, [one.counts for one in of], count)
 
 
 class Errors(NamedTuple):

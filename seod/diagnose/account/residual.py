@@ -120,6 +120,11 @@ class Share:
         return self.square > 0.0 and self.score > self.limit
 
 
+def fewer_shown(one: Share, other: Share) -> Share:
+    """The one of two that is nearer to chance, over its own limit."""
+    return one if one.score * other.limit < other.score * one.limit else other
+
+
 def mean_square(parts: Sequence[WindowResidual]) -> float:
     """Of all rows that count."""
     kept = [one.error[one.scored] for one in parts]

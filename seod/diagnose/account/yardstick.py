@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import lfilter, lfiltic
 
-from seod.diagnose.account.residual import compared
+from seod.diagnose.account.residual import compared, fewer_shown
 from seod.diagnose.fitting.held_out import nrmse
 from seod.diagnose.tuning.account import SYSTEMATIC, YARDSTICK
 
@@ -118,8 +118,8 @@ def _side_by_side(some: Sequence[Array]) -> Array:
 def beaten(held: HeldOut, other: Reached, noise: NoiseColour) -> Share:
     """By how much a model without physics comes nearer: the difference of the mean squared errors.
 
-    Whether that is more than chance is asked of errors made white: where a loop acts on what disturbs the
-    load, a command tells of it, and a model that forgets comes nearer than the plant.
+    Whether that is more than chance is asked of errors made white, too: where a loop acts on what disturbs
+    the load, a command tells of it, and a model that forgets comes nearer than the plant.
     """
     own, others = held.error, held.cut.y - other.simulated
     scored, slices = held.scored & held.sure, held.cut.slices
@@ -135,7 +135,8 @@ def beaten(held: HeldOut, other: Reached, noise: NoiseColour) -> Share:
 
     nearer = compared_through(lambda x: x, kept)
     shown = compared_through(noise.whitened, [noise.has_past(some) for some in kept])
-    return replace(nearer, score=shown.score, limit=shown.limit)
+    least = fewer_shown(nearer, shown)
+    return replace(nearer, score=least.score, limit=least.limit)
 
 
 def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:
