@@ -366,7 +366,8 @@ def _remembering(
 def _by_predictions(choice: Choice, found: Fitted, start: _Start, way: _Way) -> Predicted | None:
     """The set fitted by prediction errors; None where these leave something systematic.
 
-    Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left.
+    Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left. Or
+    far worse than the set that was chosen: no loop makes so much of noise.
     """
     asked = start.to_fit, start.held_out
     how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit)
@@ -375,9 +376,10 @@ def _by_predictions(choice: Choice, found: Fitted, start: _Start, way: _Way) -> 
         return None
     seen, held = (simulate_held_out(predicted.fitted.model, predicted.fitted.x, cut) for cut in asked)
     simulated = Judged.of(predicted.simulated, start.held_out).held
-    if held.nrmse > PREDICTION.as_far * simulated.nrmse:
+    most = min(PREDICTION.as_far * simulated.nrmse, PREDICTION.given_up * choice.best.held.nrmse)
+    if held.nrmse > most:
         return None
-    account, _ = accounted(predicted.fitted, seen, held, choice.base.held)
+    account, _ = accounted(predicted.fitted, seen, held, choice.base.held, predicted=True)
     if account is None or account.systematic > 0.0 or not account.asked:
         return None
     return predicted

@@ -44,7 +44,7 @@ class Shown(NamedTuple):
 
 
 def accounted(
-    found: Fitted, seen: HeldOut, held: HeldOut, base: HeldOut
+    found: Fitted, seen: HeldOut, held: HeldOut, base: HeldOut, *, predicted: bool = False
 ) -> tuple[Account | None, Yardstick | None]:
     """Parts of the baseline's squared error over the windows held out, and what models without physics reach.
 
@@ -57,6 +57,7 @@ def accounted(
         seen: Its simulation of the windows that were fitted.
         held: Of those held out.
         base: The baseline's of the same.
+        predicted: The model was fitted by prediction errors: what is systematic has to show in these alone.
     """
     parts, own = window_residuals(seen, held_out=False), window_residuals(held, held_out=True)
     if (
@@ -65,10 +66,11 @@ def accounted(
         or not max(base.nrmse, seen.nrmse, held.nrmse) < ACCOUNT.lost
     ):
         return None, None
-    shown = systematic([*parts, *own], held.cut.series, Plant.of(found.model, found.x))
+    plant = Plant.of(found.model, found.x)
+    shown = systematic([*parts, *own], held.cut.series, plant, predicted=predicted)
     other = yardstick(seen.cut, held.cut)
     if other is not None:
-        nearer = beaten(held, other, shown.noise)
+        nearer = beaten(held, other, shown.noise, predicted=predicted)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
             shown = shown._replace(part=min(1.0, nearer.square / mean_square(own)), by="yardstick")
     remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0
@@ -86,10 +88,12 @@ def accounted(
     return account, None if other is None else Yardstick(other.arx, other.narx)
 
 
-def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant) -> Shown:
+def systematic(
+    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, predicted: bool = False
+) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)
-    again, box = repeats(every, parts), foretold(parts, plant, swept=swept)
+    again, box = repeats(every, parts), foretold(parts, plant, swept=swept, predicted=predicted)
     tells = box is not None and (not swept or math.isfinite(box.detectable))
     asked = again is not None or tells
     total = mean_square([one for one in parts if one.held_out])

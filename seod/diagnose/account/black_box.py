@@ -48,20 +48,23 @@ class Piece(NamedTuple):
     rows: Rows
 
 
-def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False) -> Foretold | None:
+def foretold(
+    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, predicted: bool = False
+) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
     The same is asked of the residual with a known part added to it, of several shapes, sizes and signs.
     It has to show in errors as they are, and in what noise does not foretell of them: first all that is left
-    is taken for noise, then the rest of it.
+    is taken for noise, then the rest of it. Of a model that was fitted to these (`predicted`) in these alone.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
-    first = _foretold(parts, plant, _usable(colour(parts), parts), swept=swept)
+    how = {"swept": swept, "predicted": predicted}
+    first = _foretold(parts, plant, _usable(colour(parts), parts), **how)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    return _foretold(parts, plant, _usable(colour(first.rest), parts), swept=swept)
+    return _foretold(parts, plant, _usable(colour(first.rest), parts), **how)
 
 
 def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
@@ -69,7 +72,9 @@ def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
     return noise if all(noise.has_past(one.scored).any() for one in parts) else WHITE
 
 
-def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool) -> Foretold:
+def _foretold(
+    parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool, predicted: bool
+) -> Foretold:
     sizes = sizes_of(parts)
     added = _added(parts, plant, sizes)
     pieces = _pieces(parts, noise, swept=swept)
@@ -93,7 +98,8 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
     pairs = zip(parts, white, strict=True)
     unforeseen = [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
     count = _segments(unforeseen)
-    own = fewer_shown(_share(plain, 0, _segments(rest)), _share(white, 0, count))
+    own = _share(white, 0, count)
+    own = own if predicted else fewer_shown(_share(plain, 0, _segments(rest)), own)
     shown = [_share(white, k, count).significant for k in range(1, len(added))]
     held_out = [each for one, each in zip(parts, plain, strict=True) if one.held_out]
     new = _share(held_out, 0, _segments(rest))
