@@ -68,11 +68,7 @@ def none(*_, **__):
 
 RULES = (
     Rule("pipeline:hidden_by_offset", first, "A fourth root, where an offset or a delay hides the plant."),
-    Rule("starts.search_roots:less_damped", first, "An over-damped root far from the noise is damped less."),
-    Rule("search.screen:Screen.watching", first, "The window that Eq. 1 fits worst is among those tried."),
     Rule("fitting.window_halves:finer", none, "More windows, where one half alone shows an effect."),
-    Rule("fitting.window_halves:misfits", no, "`unexplained` where a fitted window has twice the noise."),
-    Rule("fitting.window_halves:fits_both", no, "Explained where a fit of all windows leaves only noise."),
     Rule("search.final_choice:best_alike", first, "Of causes alike the one that fits best is in the set."),
     Rule("search.prune:plainer", first, "A richer form gives way to the plain one that does as well."),
     Rule("search.final_choice:_over_whole",

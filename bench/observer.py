@@ -174,7 +174,6 @@ def begin(path: Path, output: str) -> tuple[Screen, list[Fitted]]:
     begun = baseline(screened.cut, output == "velocity", {}, map, None)
     first = begun.best
     base = fit(first.model, small, first.x, simulated_states(first.model, first.x, small))
-    screened = screened.watching(base)
     begun = hidden_by_offset(
         begun, Judged.of(base, held), closed_form([recording], output, UserValues("zero"))
     )

@@ -272,7 +272,7 @@ def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
         )
-    return _Start(to_fit, held_out, screened.watching(base), begun, Judged(base, plain))
+    return _Start(to_fit, held_out, screened, begun, Judged(base, plain))
 
 
 def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Searched:

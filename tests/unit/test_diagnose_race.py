@@ -9,20 +9,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnose_truth import K_L, OMEGA_N, ZETA, linear, multisine, recording
+from diagnose_truth import linear, multisine, recording
 
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import DELAYS, further_causes, group, plain_forms, remote
-from seod.diagnose.fitting.initial_states import settled_states, simulated_states
-from seod.diagnose.fitting.least_squares import LeastSquares, fit
-from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.initial_states import settled_states
+from seod.diagnose.fitting.least_squares import LeastSquares
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments, sparse
 from seod.diagnose.search.beam import survivors
 from seod.diagnose.search.budget import EFFORTS, Budget
 from seod.diagnose.search.race import Entrant, Runner, _few_of_each, best_starts, extended, promising
 from seod.diagnose.search.screen import screen
-from seod.diagnose.starts.baseline import _rough, baseline
+from seod.diagnose.starts.baseline import baseline
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.search import BEAM, BUDGET, RACE
 
@@ -101,42 +100,6 @@ def late():
     begun = baseline(screened.cut, False, {})
     model = replace(begun.best.model, scales=scales(begun.near, screened.cut))
     return screened, replace(begun.best, model=model, start=settled_states(model, begun.best.x, screened.cut))
-
-
-@pytest.fixture(scope="module")
-def long():
-    """A screen of a recording of many windows, and Eq. 1 at its plant."""
-    u = multisine(30000)
-    windows = segments(cut([series(recording(u, linear(u)))])[0])
-    model = baseline_model(_rough(windows, OMEGA_N), 1.0, False, {})
-    x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
-    right = fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
-    return screen(windows, map, Budget(seconds=1e6)), right
-
-
-def watched(long, at, size):
-    """Windows on which every start is tried, and those for trying, where so much is left of one."""
-    screened, right = long
-    here = np.arange(len(right.error)) == at
-    found = screened.watching(replace(right, error=np.where(here, size, 1.0) * right.error))
-    return {found.cut.windows[k] for k in found.few}, found.cut.windows
-
-
-def test_a_window_that_alone_shows_something_is_watched(long):
-    screened, right = long
-    windows, few = right.cut.windows, {screened.cut.windows[k] for k in screened.few}
-    unseen = next(k for k, one in enumerate(windows) if one not in screened.cut.windows)
-    aside = next(k for k, one in enumerate(windows) if one in screened.cut.windows and one not in few)
-    for at in (unseen, aside):
-        tried, fitted_to = watched(long, at, 9.0)
-        assert tried - few == {windows[at]}
-        assert len(tried) == len(few)
-        assert set(fitted_to) == {*screened.cut.windows, windows[at]}
-        assert list(fitted_to) == sorted(fitted_to)
-    assert watched(long, aside, 2.0) == (few, screened.cut.windows)
-    u = np.where(np.sin(0.5 * OMEGA_N * np.arange(20000) / 1000.0) < 0.0, -1.0, 1.0)
-    relayed = screen(segments(cut([series(recording(u, linear(u)))])[0]), map, Budget(seconds=1e6))
-    assert relayed.watching(right) is relayed
 
 
 def entrants(parent, names):

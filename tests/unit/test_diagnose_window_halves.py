@@ -10,13 +10,11 @@ from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
-from seod.diagnose.fitting.window_halves import fits_both
 from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.tuning.fitting import HELD_OUT, WINDOW_HALVES
-from seod.diagnose.verdict.answer import RARE, UNFITTED, UNSURE, Searched, _remainder
+from seod.diagnose.verdict.answer import RARE, UNFITTED, Searched, _remainder
 from seod.diagnose.verdict.effects import Chosen
 
 pytestmark = pytest.mark.slow
@@ -67,39 +65,12 @@ def detuned(to_fit, *parts):
     ]
 
 
-def test_what_was_fitted_and_is_missed_is_not_told_to_be_nothing():
-    u = multisine(6000)
-    to_fit, aside = cut([series(recording(u, linear(u)))])
-    right, far = detuned(to_fit, 1.0, 0.8)
-    base, noise = Judged.of(far, aside).held, to_fit.allowed**2
-
-    def left(found, **more):
-        best = Chosen(found, found, found, {}, Judged.of(found, aside).held)
-        some = Searched(far, far, base, best, Judged.of(found, to_fit).held, (), None, **more)
-        return _remainder(some, Judged.of(far, to_fit).held)
-
-    nothing, unsaid = left(right)
-    assert (nothing.fraction, unsaid) == (0.0, ())
-    grown = replace(right, error=right.error + 1.5 * noise * (np.arange(len(noise)) == 0))
-    some, said = left(grown)
-    above = np.mean(grown.error - noise) / np.mean(far.error - noise)
-    assert (some.fraction, said) == (pytest.approx(above), (RARE,))
-    assert left(grown, outlying=True)[0].fraction == 0.0
-
-
 @pytest.mark.parametrize(
-    ("off", "shaken", "more_than_twice", "said"),
-    [
-        (1.02, 0.0, False, (UNSURE,)),
-        (1.06, 0.0, True, ()),
-        (1.0, 1.0, False, ()),
-        (1.0, 3.0, True, (UNFITTED,)),
-    ],
-    ids=["numbers that the others tell not quite", "numbers far off", "another movement", "a larger one"],
+    ("off", "shaken", "said"),
+    [(1.0, 0.0, None), (1.06, 0.0, ()), (1.0, 1.0, ()), (1.0, 3.0, (UNFITTED,))],
+    ids=["noise", "numbers far off", "another movement", "a larger one"],
 )
-def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(
-    off, shaken, more_than_twice, said
-):
+def test_windows_held_out_that_alone_show_more_are_told(off, shaken, said):
     u = multisine(6000)
     y = linear(u)
     noise = 0.01 * np.std(y)
@@ -108,12 +79,9 @@ def test_windows_held_out_are_asked_for_numbers_that_the_others_hardly_tell(
     aside.series[0].y[first:last] += shaken * noise * np.sin(900.0 * np.arange(last - first) / RATE)
     (found,) = detuned(to_fit, off)
     held = Judged.of(found, aside).held
-    assert held.adequacy > HELD_OUT.adequate
-    assert (held.adequacy > WINDOW_HALVES.shows_more) == more_than_twice
-    assert fits_both(found, held) == (said == (UNSURE,))
     best = Chosen(found, found, found, {}, held)
     (far,) = detuned(to_fit, 0.8)
     some = Searched(far, far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
     left, told = _remainder(some, Judged.of(far, to_fit).held)
-    assert (left.fraction == 0.0) == (said == (UNSURE,))
-    assert told == said
+    assert (left.fraction == 0.0) == (said is None)
+    assert told == (said or ())

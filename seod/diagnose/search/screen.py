@@ -14,7 +14,7 @@ from seod.diagnose.tuning.search import SCREEN
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.least_squares import ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.starts.relay.plant import GridPlant
@@ -52,24 +52,6 @@ class Screen:
             return [act(some[0], self)]
         alone = replace(self, parallel=map)
         return list(self.parallel(lambda one: act(one, alone), some))
-
-    def watching(self, base: Fitted) -> Screen:
-        """With the window of which this leaves by far the most, if not yet: an effect may show in no other.
-
-        `base` is fitted to all windows. A relay's are alike.
-        """
-        windows, few = self.every.windows, [self.cut.windows[k] for k in self.few]
-        if self.every.relayed:
-            return self
-        square = dict(zip(windows, base.error / base.cut.allowed**2, strict=True))
-        worst = max(windows, key=lambda one: square[one])
-        if square[worst] < SCREEN.outstanding_error * max(square[one] for one in few):
-            return self
-        some = [k for k, one in enumerate(windows) if one == worst or one in self.cut.windows]
-        at = windows.index(worst)
-        nearest = min(few, key=lambda one: abs(windows.index(one) - at))
-        watched = sorted(some.index(windows.index(one)) for one in {worst, *few} - {nearest})
-        return replace(self, cut=self.every.only(some), few=tuple(watched))
 
     def plants(self, model: Model, names: Iterable[str]) -> list[GridPlant]:
         """Those of the grid that a set of these effects may begin from, with the sign of the model's gain."""

@@ -55,11 +55,11 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> R
     Where readings have lost their sign the baseline behind such a sensor is one of them.
     """
     model = replace(base.model, scales=sizes)
-    found = [less_damped(fit(model, cut, base.x, settled_states(model, base.x, cut)))]
+    found = [fit(model, cut, base.x, settled_states(model, base.x, cut))]
     for one in filter(None, (fits.closed, fits.near, fits.other)):
         other = replace(one.model, scales=sizes)
         start, nothing = settled_states(other, one.x, cut), np.zeros(len(one.x), np.bool_)
-        root = less_damped(fit(other, cut, one.x, start, free=nothing))
+        root = fit(other, cut, one.x, start, free=nothing)
         if all(_differ(root, each) for each in found):
             found.append(root)
     roots = Roots(found[0], _with_offset(found) or found)
@@ -87,23 +87,6 @@ def _fitted_with_offset(root: Fitted) -> Fitted:
     model = root.model.with_effect(OFFSET)
     x = model.searched(root.model.values(root.x) | {OFFSET_PLACE: 0.0})
     return fit(model, root.cut, x, simulated_states(model, x, root.cut))
-
-
-def less_damped(root: Fitted) -> Fitted:
-    """One that is damped less in the place of an overdamped plant far from the noise, if it fits as well.
-
-    Of its two rates samples show the slower one: the other is where fits end by chance, often as fast as can
-    be, and slow to simulate. Once an effect accounts for what the damping did, both rates count.
-    """
-    values = root.model.values(root.x)
-    if values["zeta"] < SEARCH_ROOTS.overdamped_above or root.excess < SEARCH_ROOTS.far_from_noise:
-        return root
-    part = SEARCH_ROOTS.less_damping / values["zeta"]
-    x = root.model.searched(values | {"omega_n": part * values["omega_n"], "zeta": SEARCH_ROOTS.less_damping})
-    free = np.array([coordinate.place != "omega_n" for coordinate in root.model.coordinates])
-    found = fit(root.model, root.cut, x, simulated_states(root.model, x, root.cut), free=free)
-    less = found.model.values(found.x)["zeta"] < SEARCH_ROOTS.overdamped_above
-    return found if less and found.cost < root.cost + SEARCH_ROOTS.as_good else root
 
 
 def _differ(fitted: Fitted, other: Fitted) -> bool:

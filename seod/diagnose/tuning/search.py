@@ -175,8 +175,6 @@ class Screen:
 
     probed_s: float = 3.0
     """[s] On which every start is tried. Chosen."""
-    outstanding_error: float = 4.0
-    """[-] Squared error in a window over the most in those, from which on it is one of them. Chosen."""
     screened_s: float = 6.0
     """[s] On which the better causes are fitted. Chosen."""
 

@@ -177,12 +177,8 @@ class SearchRoots:
     different_plant: float = 0.2
     """[-] Part of a plant's residual by which another must differ there, to be a start of its own.
     Chosen."""
-    overdamped_above: float = 2.0
-    """[-] zeta from which on one rate of a plant hardly shows. Chosen."""
-    less_damping: float = 1.5
-    """[-] zeta of a plant in its place. Chosen."""
     far_from_noise: float = 3.0
-    """[-] Squared error of such a plant over the noise's. Chosen."""
+    """[-] Squared error of plants over the noise's, from which on one with an offset is tried. Chosen."""
     hidden: float = 0.5
     """[-] NRMSE with an offset and a delay over the baseline's, up to which they hid the plant. Chosen."""
     shows_no_sign: float = 0.3
@@ -191,8 +187,6 @@ class SearchRoots:
     offset_saves: float = 1.0
     """[-] Mean log squared error that Eq. 1 with an offset saves, for plants without to be none. Chosen: a
     factor of e."""
-    as_good: float = 0.1
-    """[-] Further mean log error of the one in its place, at most. Chosen: a tenth."""
 
 
 SEARCH_ROOTS: Final = SearchRoots()

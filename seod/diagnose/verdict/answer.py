@@ -15,7 +15,7 @@ from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
-from seod.diagnose.fitting.window_halves import fits_both, misfits, one_sided
+from seod.diagnose.fitting.window_halves import one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
 from seod.diagnose.search.final_choice import above_noise
@@ -24,7 +24,7 @@ from seod.diagnose.tuning.search import PRUNE
 from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
-from seod.diagnose.verdict.unexplained import remaining_after_fits, systematic_part, unexplained
+from seod.diagnose.verdict.unexplained import systematic_part, unexplained
 from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
@@ -68,10 +68,6 @@ STAYS_BEHIND: Final = (
 OTHER_SIZE: Final = (
     "held-out recording {k}: {place} fitted to it is {there}, and was {here}: its size does not repeat"
 )
-UNSURE: Final = (
-    "windows held out show a little more than noise and would not, had they been fitted, too: the others "
-    "tell too little of how large the effects are. A longer recording tells more"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +82,6 @@ class Searched:
         seen: Its simulation of the windows to fit.
         effects: Of it, in order of gain.
         grown: What was tried.
-        outlying: Rows far off were left out of what is scored, though not of the fits.
     """
 
     base: Fitted
@@ -96,7 +91,6 @@ class Searched:
     seen: HeldOut
     effects: tuple[FoundEffect, ...]
     grown: Grown
-    outlying: bool = False
 
 
 def answered(
@@ -211,7 +205,6 @@ def trimmed(searched: Searched) -> Searched:
         chosen=chosen,
         held=replace(searched.held, scored=near),
         seen=replace(searched.seen, scored=seen),
-        outlying=True,
     )
 
 
@@ -230,14 +223,10 @@ def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[st
     """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
     rest = unexplained(searched.held, searched.chosen.held)
     if rest.fraction > 0.0:
-        if fits_both(searched.chosen.found, searched.chosen.held):
-            return Unexplained(0.0), (UNSURE,)
         return rest, (UNFITTED,) if one_sided(searched.seen, searched.chosen.held) else ()
     if one_sided(searched.seen, searched.chosen.held):
         return unexplained(replace(base, scored=searched.seen.scored), searched.seen), (RARE,)
-    if not searched.outlying and misfits(searched.chosen.over_all):
-        rest = remaining_after_fits(searched.base, searched.chosen.over_all, searched.seen)
-    return rest, (RARE,) if rest.fraction > 0.0 else ()
+    return rest, ()
 
 
 def _limited(fitted: Fitted) -> list[str]:

@@ -15,7 +15,6 @@ from seod.identify.spread import correlation_time
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
-    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.result import Account, Array
 
 
@@ -47,12 +46,6 @@ def systematic_part(left: Unexplained, account: Account | None, rest: float, rel
     if not account.systematic_nrmse > relevance or not above > 0.0:
         return Unexplained(0.0)
     return replace(left, fraction=account.systematic / above)
-
-
-def remaining_after_fits(baseline: Fitted, extended: Fitted, seen: HeldOut) -> Unexplained:
-    """The same of the windows that both were fitted to; `seen` is the model's simulation of these."""
-    before, after = (float(np.mean(one.error - one.cut.allowed**2)) for one in (baseline, extended))
-    return _fraction(before, after, seen)
 
 
 def _fraction(before: float, after: float, extended: HeldOut) -> Unexplained:
