@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,6 +216,24 @@ class Unexplained:
         return {"fraction": finite_or_none(self.fraction), "correlates_with": list(self.correlates_with)}
 
 
+class OnLoad(NamedTuple):
+    """Part of the squared error that does not repeat, by noise that acts on the load.
+
+    Attributes:
+        share: Of it [0 to 1]; the rest is the sensor's.
+        least: Lower end of the 95 % interval.
+        most: Upper end.
+    """
+
+    share: float
+    least: float
+    most: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Share and interval."""
+        return {"share": self.share, "ci95": [self.least, self.most]}
+
+
 @dataclass(frozen=True, slots=True)
 class Account:
     """The baseline's held-out squared error in parts; the three shares add up to 1.
@@ -231,6 +249,7 @@ class Account:
         asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other.
         detectable_nrmse: NRMSE from which on a systematic part would have been shown with these rows;
             infinite where none would.
+        on_load: How much of what does not repeat acts on the load; None where its spectrum does not tell.
     """
 
     explained: float
@@ -242,6 +261,7 @@ class Account:
     noise_correlation_s: float = math.nan
     asked: bool = True
     detectable_nrmse: float = math.inf
+    on_load: OnLoad | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The three shares, and how they are known."""
@@ -253,7 +273,11 @@ class Account:
             "shown_by": self.shown_by,
             "asked": self.asked,
             "detectable_nrmse": finite_or_none(self.detectable_nrmse),
-            "noise": {"order": self.noise_order, "correlation_s": finite_or_none(self.noise_correlation_s)},
+            "noise": {
+                "order": self.noise_order,
+                "correlation_s": finite_or_none(self.noise_correlation_s),
+                "on_load": None if self.on_load is None else self.on_load.as_json(),
+            },
         }
 
 

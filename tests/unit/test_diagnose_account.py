@@ -25,7 +25,7 @@ from seod.diagnose.record.command_period import finer_period_s
 from seod.diagnose.record.series import series
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.record.windows import Cut, cut
-from seod.diagnose.result import Account, Unexplained, Yardstick
+from seod.diagnose.result import Account, Unexplained
 from seod.diagnose.search.budget import EFFORTS
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.verdict.unexplained import systematic_part
@@ -247,34 +247,32 @@ def account(systematic, remains=0.2, nrmse=0.1, detectable=0.01):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "adequacy", "parts", "best", "grade"),
+    ("before", "after", "adequacy", "parts", "grade"),
     [
-        (1.6, 1.2, 9.0, account(0.1), 0.2, "useless"),
-        (0.4, 0.4, 9.0, account(0.1), 0.2, "useless"),
-        (0.4, 0.2, 9.0, account(0.1), 0.3, "partly"),
-        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.1, "partly"),
-        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), 0.3, "down_to_noise"),
-        (0.4, 0.2, 9.0, replace(account(0.0, nrmse=0.0), asked=False), 0.3, "partly"),
-        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=0.15), 0.3, "partly"),
-        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "partly"),
-        (0.4, 0.04, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "partly"),
-        (0.4, 0.02, 9.0, account(0.0, nrmse=0.0, detectable=0.03), 0.3, "good_for_design"),
-        (0.4, 0.4, 9.0, account(0.0, nrmse=0.0), 0.5, "down_to_noise"),
-        (0.2, 0.4, 9.0, account(0.0, nrmse=0.0), 0.5, "useless"),
-        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0), 0.1, "down_to_noise"),
-        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0, detectable=float("inf")), 0.3, "down_to_noise"),
-        (0.4, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),
-        (0.4, 0.04, 9.0, account(0.01, nrmse=0.025), 0.1, "partly"),
-        (0.04, 0.04, 9.0, account(0.01, nrmse=0.015), 0.1, "good_for_design"),
-        (0.4, 0.04, 9.0, None, None, "good_for_design"),
-        (float("nan"), float("inf"), 9.0, None, None, "useless"),
+        (1.6, 1.2, 9.0, account(0.1), "useless"),
+        (0.4, 0.4, 9.0, account(0.1), "useless"),
+        (0.4, 0.2, 9.0, account(0.1), "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0), "down_to_noise"),
+        (0.4, 0.2, 9.0, replace(account(0.0, nrmse=0.0), asked=False), "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=0.15), "partly"),
+        (0.4, 0.2, 9.0, account(0.0, nrmse=0.0, detectable=float("inf")), "partly"),
+        (0.4, 0.04, 9.0, account(0.0, nrmse=0.0, detectable=0.03), "partly"),
+        (0.4, 0.02, 9.0, account(0.0, nrmse=0.0, detectable=0.03), "good_for_design"),
+        (0.4, 0.4, 9.0, account(0.0, nrmse=0.0), "down_to_noise"),
+        (0.2, 0.4, 9.0, account(0.0, nrmse=0.0), "useless"),
+        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0), "down_to_noise"),
+        (0.4, 0.2, 1.1, account(0.0, nrmse=0.0, detectable=float("inf")), "down_to_noise"),
+        (0.4, 0.04, 9.0, account(0.01, nrmse=0.015), "good_for_design"),
+        (0.4, 0.04, 9.0, account(0.01, nrmse=0.025), "partly"),
+        (0.04, 0.04, 9.0, account(0.01, nrmse=0.015), "good_for_design"),
+        (0.4, 0.04, 9.0, None, "good_for_design"),
+        (float("nan"), float("inf"), 9.0, None, "useless"),
     ],
 )
-def test_a_model_is_graded(before, after, adequacy, parts, best, grade):
-    reached = None if best is None else Yardstick(best, 2.0 * best)
+def test_a_model_is_graded(before, after, adequacy, parts, grade):
     nothing = after <= 0.04 and parts is None
     parts = account(0.0, nrmse=0.01) if nothing else parts
-    assert graded(before, after, adequacy, parts, reached) == grade
+    assert graded(before, after, adequacy, parts) == grade
 
 
 @pytest.mark.parametrize(("relevance", "fraction"), [(0.05, 0.0), (0.02, 0.03 / 0.9), (0.0, 0.03 / 0.9)])

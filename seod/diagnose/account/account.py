@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.noise_colour import NoiseColour, colour
 from seod.diagnose.account.repeats import not_repeated, repeats
 from seod.diagnose.account.residual import Plant, mean_square, window_residuals
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.series import Series
-    from seod.diagnose.result import Evidence
+    from seod.diagnose.result import Evidence, OnLoad
 
 
 class Shown(NamedTuple):
@@ -34,6 +35,7 @@ class Shown(NamedTuple):
         noise: Of the rest.
         asked: The recording could have shown it: the command repeats, or windows are alike.
         detectable: Part of the squared error that would have been shown, had it been systematic.
+        on_load: How much of the rest acts on the load.
     """
 
     part: float
@@ -41,6 +43,7 @@ class Shown(NamedTuple):
     noise: NoiseColour
     asked: bool
     detectable: float
+    on_load: OnLoad | None = None
 
 
 def accounted(
@@ -84,6 +87,7 @@ def accounted(
         asked=shown.asked or shown.part > 0.0,
         detectable_nrmse=math.sqrt(shown.detectable) * held.nrmse,
         noise_correlation_s=shown.noise.correlation * held.cut.series[0].tick,
+        on_load=shown.on_load,
     )
     return account, None if other is None else Yardstick(other.arx, other.narx)
 
@@ -107,7 +111,7 @@ def systematic(
     if again is not None and again.significant and again.square > shown.part * total:
         shown = shown._replace(part=min(1.0, again.square / total), by="repetition")
         rest = not_repeated(every, parts)
-    return shown._replace(noise=colour(rest))
+    return shown._replace(noise=colour(rest), on_load=on_load(rest, plant))
 
 
 def _detectable(again: Share | None, box: Foretold | None, total: float) -> float:

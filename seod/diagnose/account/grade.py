@@ -8,27 +8,23 @@ from seod.diagnose.tuning.account import GRADE
 from seod.diagnose.tuning.fitting import HELD_OUT
 
 if TYPE_CHECKING:
-    from seod.diagnose.result import Account, Grade, Yardstick
+    from seod.diagnose.result import Account, Grade
 
 
-def graded(
-    before: float, after: float, adequacy: float, account: Account | None, other: Yardstick | None
-) -> Grade:
+def graded(before: float, after: float, adequacy: float, account: Account | None) -> Grade:
     """The grade.
 
     Args:
         before: Held-out NRMSE of the baseline.
         after: Of the extended model.
         adequacy: Its mean squared error over the white noise's.
-        account: Parts of it.
-        other: What models without physics reach.
+        account: Parts of it. Where ARX or NARX come nearer by more than chance, a part is systematic.
     """
     if not after < 1.0:
         return "useless"
     rest = _systematic(after, account)
-    beaten = other is not None and other.best < GRADE.as_good * after
     nothing_shown = account is not None and account.systematic_nrmse == 0.0 and told_apart(account, after)
-    if adequacy < HELD_OUT.adequate or (nothing_shown and not beaten and after <= before):
+    if adequacy < HELD_OUT.adequate or (nothing_shown and after <= before):
         return "down_to_noise"
     if after <= GRADE.design_error and rest <= GRADE.design_systematic:
         return "good_for_design"

@@ -17,7 +17,7 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.result import Common, Diagnosis, Evidence, FoundEffect, Grade, Parameter, Score
+    from seod.diagnose.result import Common, Diagnosis, Evidence, FoundEffect, Grade, OnLoad, Parameter, Score
 
 _LEAST: Final = 0.1
 """Change of zeta, omega_n or K_L that is one, and part of a command that is an offset [%]."""
@@ -35,6 +35,8 @@ SHOWN_BY: Final[dict[Evidence, str]] = {
 }
 OF_POSITION: Final = "(unit of position)"
 """What stands for a position's unit in a cause's sentence."""
+_WIDE: Final = 0.5
+"""Interval of a share from which on it is not told."""
 _VAGUE: Final = 0.5
 """Standard deviation of zeta or omega_n, over its value, from which on neither is told."""
 
@@ -130,6 +132,21 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
     if account.noise_order and math.isfinite(account.noise_correlation_s):
         memory = f"an autoregression of order {account.noise_order}"
         yield f"What does not repeat is {memory}, alike over {number(account.noise_correlation_s)} s."
+        yield from _acts_on(account.on_load)
+
+
+def _acts_on(part: OnLoad | None) -> Iterator[str]:
+    """Where noise with a memory enters: at the load or at the sensor."""
+    if part is None:
+        return
+    if part.most - part.least > _WIDE:
+        yield "Its spectrum does not tell whether it acts on the load or on the sensor."
+        return
+    share, least, most = (_rounded(100.0 * each) for each in part)
+    yield (
+        f"By its spectrum {share} % [{least}, {most}] of that acts on the load, as gusts or a pump do, and "
+        "the rest on the sensor."
+    )
 
 
 def _closed(sentence: str) -> str:

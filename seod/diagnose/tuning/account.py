@@ -65,8 +65,6 @@ class Grade:
     by 5 %."""
     design_systematic: float = 0.02
     """[-] Of it systematic, at most: what a controller would meet each time. Chosen."""
-    as_good: float = 0.95
-    """[-] NRMSE of ARX or NARX, over the model's, down to which they are no better. Chosen."""
     told: float = 0.5
     """[-] NRMSE of a systematic part that would have been shown, over all that is left, at most, for the rest
     to be called noise. Chosen: noise is then three quarters of the squared rest at least."""
@@ -106,6 +104,50 @@ class NoiseColour:
 
 
 NOISE_COLOUR: Final = NoiseColour()
+
+
+@dataclass(frozen=True, slots=True)
+class LoadNoise:
+    """How much of what does not repeat acts on the load, by its spectrum."""
+
+    fewest_rows: int = 64
+    """[rows] Of a window. Chosen."""
+    same_tick: float = 0.01
+    """[-] By which ticks of recordings may differ, to be taken together. Chosen."""
+    first_bin: int = 1
+    """[bins] Below which there is only the mean. Chosen."""
+    bands: int = 12
+    """[bands] In an octave, and at least in all. Chosen: a third of the peak of zeta 0.1."""
+    below: float = 0.5
+    """[-] Natural frequency over the highest that is sampled, at most: the fall beyond has to
+    show. Chosen."""
+    line: float = 20.0
+    """[-] Of a band's median, above which a bin is a hum's. Chosen: of noise one in a million is."""
+    gusts: tuple[float, ...] = (25.6, 12.8, 6.4, 3.2, 1.6, 0.8, 0.4, 0.2, 0.1)
+    """[-] Corner frequencies of what acts on the load, over the natural one; white, too. Measured: with three
+    in place of nine, intervals of speeds held 80 % of the shares, in place of 90."""
+    colours: int = 24
+    """[-] Corner frequencies of the sensor's noise, from a window's to the highest. Chosen."""
+    slow: float = 0.1
+    """[-] Of the natural frequency, up to which a sensor's offset may move smoothly. Chosen."""
+    rounds: int = 30
+    """[steps] Of scoring, at most. Chosen."""
+    enough: float = 1e-3
+    """[-] Log likelihood that a step gains, below which it is the last. Chosen."""
+    shortest: float = 0.01
+    """[-] Part of a step. Chosen."""
+    alike: float = 1.94
+    """[bins] That count as one: 35/18, of a Hann taper. Chosen."""
+    surely: float = 0.95
+    """[-] Of an interval. The contract's."""
+    prices: tuple[float, float] = (1e-1, 1e4)
+    """[-] Root of the log likelihood that all of the load's noise, or the sensor's, costs, from and
+    to. Chosen."""
+    halvings: int = 12
+    """[-] Of that range, for an end of the interval. Chosen."""
+
+
+LOAD_NOISE: Final = LoadNoise()
 
 
 @dataclass(frozen=True, slots=True)

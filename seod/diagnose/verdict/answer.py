@@ -145,7 +145,7 @@ def answered(
             *other_sizes(searched.effects),
             *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
-        grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account, yardstick),
+        grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account),
         account=account,
         yardstick=yardstick,
         relevance=relevance,
