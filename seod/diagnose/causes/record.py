@@ -116,13 +116,13 @@ class Plain:
             this one acts only beside it, and both are in a set.
         grows: Parameters of this one, and K_L where that changes too, to begin with where the simpler one is
             found; None: it is not tried so.
-        beside: Whether both in a set do more than this one alone.
+        adds: Whether the simpler one does something more in a set that has this one.
     """
 
     name: str
     becomes: Callable[[Values, Scales], Values] | None
     grows: Callable[[Values, Scales], Values] | None = None
-    beside: bool = True
+    adds: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class Alike:
         same: The other's parameters at which it does, from those of a set with this one.
         always: Or only where the recordings have two commands and no more.
         beside: Causes of which one must be in the set: without any both are the same, and it is not asked.
-            None: it always is.
+            Empty: it always is.
     """
 
     name: str

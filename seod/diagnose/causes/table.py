@@ -94,7 +94,7 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
 
 def _contains(name: str, other: str) -> bool:
     """Whether a cause does all that the other does."""
-    return any(each.name == other and not each.beside for each in CAUSES[name].plain)
+    return any(each.name == other and not each.adds for each in CAUSES[name].plain)
 
 
 def plain_forms(names: Collection[str]) -> set[frozenset[str]]:
