@@ -21,7 +21,8 @@ from seod.supervisor.process import SupervisorArguments, become
 from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig, ServerConfig
+    from seod.config.model import RigConfig
+    from seod.config.server import ServerConfig
 
 ROWS_S = 2.0
 """Seconds of rows that the ring holds: how long the gateway may be busy without losing any."""

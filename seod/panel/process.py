@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import ssl
     from collections.abc import Iterator
 
-    from seod.config.model import ServerConfig
+    from seod.config.server import ServerConfig
 
 NICE = -3
 """Where the system allows it: behind who estimates, before what is ordinary: an e-stop comes this way."""
