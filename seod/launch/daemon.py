@@ -17,7 +17,7 @@ from seod.config.tokens import RIGHTS, TokenError, variable, with_tokens
 from seod.files.user_files import not_recordable
 from seod.launch.locks import LockedError, lock_claims, lock_rig
 from seod.processes.handover import write_memfd
-from seod.supervisor.process import SupervisorArguments, become
+from seod.supervisor.arguments import SupervisorArguments, become
 from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
