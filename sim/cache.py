@@ -79,7 +79,7 @@ def is_plant_compiled(kinds: Collection[str] = ("reduced",)) -> bool:
 
 
 def are_compiled(*functions: str) -> bool:
-    """Whether these functions' machine code is kept; written as `module.function`."""
+    """Whether the machine code of these functions is kept; each is written as `module.function`."""
     folder = cache_folder()
     return folder is not None and all(any(folder.rglob(f"{name}-*.nbi")) for name in functions)
 
