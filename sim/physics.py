@@ -238,7 +238,10 @@ def coupling(p: Record, velocity: float, position: float, velocity2: float, posi
 
 @compiled
 def friction_level(p: Record, speed: float) -> float:
-    """Coulomb and Stribeck friction at a speed [unit/s], without its sign [unit/s^2]."""
+    """Coulomb and Stribeck friction at a speed [unit/s], without its sign [unit/s^2].
+
+    As g(v) of LuGre friction: Canudas de Wit and others, IEEE Trans. Automatic Control 40 (1995), p. 419.
+    """
     level = p.coulomb_friction_level
     if p.stribeck_friction_level > 0.0:
         relative = speed / p.stribeck_friction_speed
