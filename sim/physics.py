@@ -228,10 +228,7 @@ def drive(p: Record, s: Record, t: float, pressure: float, position: float, coup
 
 @compiled
 def coupling(p: Record, velocity: float, position: float, velocity2: float, position2: float) -> float:
-    """Acceleration of the second inertia by its spring and damper [unit/s^2].
-
-    Speeds are in unit/s, positions in unit; those with a 2 are the second inertia's.
-    """
+    """Acceleration [unit/s^2] of the second inertia (`velocity2`, `position2`) by its spring and damper."""
     omega, zeta = p.load_resonance_omega, p.load_resonance_zeta
     return omega * omega * (position - position2) + 2.0 * zeta * omega * (velocity - velocity2)
 
