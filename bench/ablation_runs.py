@@ -145,6 +145,6 @@ def _asked(path: Path, output: str, *, off: str | None) -> tuple[dict, dict]:
         elif off is None:
             noted(rule, acts)
     before = work.used_s()
-    said, beside = told(path, output)
-    beside |= {"acts": {name: count for name, count in acts.items() if count}, "work": work.used_s() - before}
-    return said, beside
+    said, costs = told(path, output)
+    costs |= {"acts": {name: count for name, count in acts.items() if count}, "work": work.used_s() - before}
+    return said, costs

@@ -267,13 +267,13 @@ def _readings(run: Run, first: int, name: str, off: float) -> Array:
     }
     if name in scales:
         state[name] += off * scales[name]
-    p = _parameters(_beside(run.plant, name, off), run.case.speed)
+    p = _parameters(_off_by(run.plant, name, off), run.case.speed)
     late = off * DELAY_KNOWN * TICK if name == "delay" else 0.0
     follow(p[0], state[0], run.t_u + late, run.u, run.t[first:], NONE, NONE, NONE, NONE, y)
     return y
 
 
-def _beside(plant: Plant, name: str, off: float) -> Plant:
+def _off_by(plant: Plant, name: str, off: float) -> Plant:
     """The plant with an unknown off by a part of its scale."""
     match name:
         case "omega_n":

@@ -46,8 +46,8 @@ def least_squares(y: Array, u: Array, tick: float, delay: int, omega: float) -> 
     found = _poles(theta, tick)
     if found is None:
         return None
-    beside = [_poles(theta + step, tick) for step in 1e-7 * np.eye(5)]
-    slopes = np.stack([np.zeros(2) if x is None else (x - found) / 1e-7 for x in beside])
+    moved = [_poles(theta + step, tick) for step in 1e-7 * np.eye(5)]
+    slopes = np.stack([np.zeros(2) if x is None else (x - found) / 1e-7 for x in moved])
     sd = np.sqrt(np.maximum(np.diag(slopes.T @ covariance @ slopes) * variance, 0.0))
     return float(found[0]), float(sd[0]), float(found[1]), float(sd[1])
 

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any
 REPO = Path(__file__).parents[1]
 sys.path.insert(0, str(REPO))
 
-from seod.supervisor.beside import RESTARTS  # noqa: E402
-
+from seod.supervisor.keeper import RESTARTS  # noqa: E402
 from tests.panel_rig import PanelRig, panel_daemon  # noqa: E402
 from tests.peers import Rpc, until  # noqa: E402
 

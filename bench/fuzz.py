@@ -148,12 +148,13 @@ def _reader(kind: str) -> Callable[[], Callable[[bytes], None]]:
             tempfile.mkdtemp(prefix="seod-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
         )
         path = folder / f"fuzz{sound.suffix}"
-        beside = "sound.log" if kind == "dbc" else "motor.dbc"  # a sound one of other names may be told, too
+        # a sound one of other names may be told, too
+        companion = "sound.log" if kind == "dbc" else "motor.dbc"
 
         def take(data: bytes) -> None:
             path.write_bytes(data)
             for use in uses(path, sound, folder, "csv")[:2]:
-                wrong = outcome(use, path.name, beside)
+                wrong = outcome(use, path.name, companion)
                 assert not wrong, wrong
 
         return take

@@ -105,8 +105,8 @@ def main() -> None:
             speed = plant.model_copy(update={"sensor": None, "measures": "position"})
             e_a = config.axes[axis].relay.e_a
             own = limit_cycle(speed, e_a, args.ticks)
-            beside = (limit_cycle(each, e_a, args.ticks) for each in (speed.reduced, with_effects(speed)))
-            plain, rich = (alternate(own, other, args.rounds, clock=process_time) for other in beside)
+            others = (limit_cycle(each, e_a, args.ticks) for each in (speed.reduced, with_effects(speed)))
+            plain, rich = (alternate(own, other, args.rounds, clock=process_time) for other in others)
             cost = 1e9 * float(np.median(plain.first)) / args.ticks
             steps, error = exactness(speed, e_a, args.ticks)
             print(

@@ -53,10 +53,9 @@ from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from sim import physics
 from sim.compiled import Record, compiled
-from sim.kernel import measured
-from sim.runs import condition
+from sim.kernel import advance, measured
 from sim.state import new_state
-from sim.windows import _begin, _load, _loose, _valve
+from sim.windows import _arrive, _begin, _loose, _valve
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
@@ -81,6 +80,17 @@ class Pull:
     """Rate of the observer [rad/s]; 0: the free run."""
 
     rate = 0.0
+
+
+@compiled
+def _surround(s: Record, supply: Array, warmth: Array, force: Array, k: int) -> None:
+    """Have the surroundings of row `k` from now on."""
+    if len(supply):
+        s.supply = supply[k]
+    if len(warmth):
+        s.warmth = warmth[k]
+    if len(force):
+        s.force = force[k]
 
 
 @compiled
@@ -110,8 +120,11 @@ def pulled_windows(
         _begin(p, v, s, start[w])
         given = reached
         for k in range(first[w], last[w]):
-            condition(s, supply, warmth, force, k)
-            given = _load(p, s, t_u, u, given, t[k])
+            _surround(s, supply, warmth, force, k)
+            while given < len(u) and t_u[given] + p.transport_delay_time <= t[k]:
+                _arrive(p, s, t_u[given] + p.transport_delay_time, u[given])
+                given += 1
+            advance(p, s, t[k])
             y[k] = measured(p, s)
             if len(inside):
                 inside[k, 0], inside[k, 1] = s.pressure, s.velocity

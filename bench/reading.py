@@ -1,8 +1,8 @@
 """How fast large files are read: CSV and MCAP of a seod recording, and the time of a core for a megabyte.
 
-    python bench/reading.py [--megabytes 100] [--repeats 3] [--beside FOLDER]
+    python bench/reading.py [--megabytes 100] [--repeats 3] [--against FOLDER]
 
-`--beside` reads the same files with the sources in another folder, in turns; the ratio is of the medians.
+`--against` reads the same files with the sources in another folder, in turns; the ratio is of the medians.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--megabytes", type=float, default=100.0)
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--beside", default="", help="folder with other sources")
+    parser.add_argument("--against", default="", help="folder with other sources")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for suffix, make in (("csv", write_csv), ("mcap", write_mcap)):
@@ -92,12 +92,12 @@ def main() -> None:
             own, other = [], []
             for _ in range(options.repeats):
                 own.append(timed(path, ""))
-                if options.beside:
-                    other.append(timed(path, options.beside))
+                if options.against:
+                    other.append(timed(path, options.against))
             each = median(time for time, _ in own)
             size = path.stat().st_size / 1e6
-            beside = median(time for time, _ in other) if other else 0.0
-            ratio = f"; beside {beside:.2f} s, ratio {each / beside:.3f}" if other else ""
+            theirs = median(time for time, _ in other) if other else 0.0
+            ratio = f"; against {theirs:.2f} s, ratio {each / theirs:.3f}" if other else ""
             speed = f"{each:.2f} s, {1e3 * each / size:.1f} ms a MB{ratio}"
             print(f"{suffix}: {size:.0f} MB, {own[0][1]} rows: {speed}", flush=True)
 

@@ -45,7 +45,11 @@ def _record(config: PlantConfig) -> NDArray[np.void]:
 
 
 def make_plant(config: PlantConfig, t: float) -> Plant | HydraulicPlant:
-    """The plant of a rig file's section, standing still at `t` [s]."""
+    """The plant of a rig file's section, standing still at `t` [s].
+
+    Raises:
+        ValueError: An effect does not fit it, or is out of its range.
+    """
     kind = Plant if config.hydraulic is None else HydraulicPlant
     return kind(_record(config), t, config.position)
 
@@ -216,7 +220,11 @@ class Actuator:
         return plant_truth(self.config, self._constants, self.plant.since)
 
     def state(self, t: float) -> dict[str, float | bool | None]:
-        """What is going on in there at `t` [s]."""
+        """What is going on in there at `t` [s], by name.
+
+        Position and speed are in the plant's unit, volts in V, times in s; the pressure is in unit/s^2 as an
+        acceleration, of a physical plant in Pa.
+        """
         self.advance(t)
         return {
             "t": self.t,

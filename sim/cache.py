@@ -79,7 +79,7 @@ def is_plant_compiled(kinds: Collection[str] = ("reduced",)) -> bool:
 
 
 def are_compiled(*functions: str) -> bool:
-    """Whether these functions' machine code is kept; written as `module.function`."""
+    """Whether the machine code of these functions is kept; each is written as `module.function`."""
     folder = cache_folder()
     return folder is not None and all(any(folder.rglob(f"{name}-*.nbi")) for name in functions)
 
@@ -90,37 +90,5 @@ def compile_plant(kinds: Collection[str] = ("reduced",)) -> None:
     Raises:
         subprocess.CalledProcessError: It failed; its stderr tells why.
     """
-    command = [sys.executable, "-m", "sim.cache", *kinds]
+    command = [sys.executable, "-m", "sim.compile_plant", *kinds]
     subprocess.run(command, check=True, stdin=subprocess.DEVNULL)  # noqa: S603 - our own
-
-
-def main() -> None:
-    """Have a plant of each kind once."""
-    if "hydraulic" in sys.argv[1:]:
-        _have_hydraulic()
-    if "hydraulic" not in sys.argv[1:] or "reduced" in sys.argv[1:]:
-        from sim.parameters import parameters  # noqa: PLC0415 - whoever asks for the folder needs none of it
-        from sim.plant import Plant  # noqa: PLC0415 - numba
-
-        Plant(parameters(1.0, 1.0, 1.0))
-
-
-def _have_hydraulic() -> None:
-    from sim.config import PlantConfig  # noqa: PLC0415 - whoever asks for the folder needs none of it
-    from sim.hydraulics.live import HydraulicPlant  # noqa: PLC0415 - numba
-    from sim.hydraulics.record import record_of  # noqa: PLC0415 - numba
-
-    parts = {
-        "supply": {"pressure": 7e6},
-        "valve": {"rated_flow": 5e-4},
-        "motor": {"displacement": 1e-5, "volume": 1e-4},
-        "load": {"inertia": 1.0},
-    }
-    plant = PlantConfig.model_validate(
-        {"plant": "hydraulic", "input": "u", "output": "y", "hydraulic": parts}
-    )
-    HydraulicPlant(record_of(plant))
-
-
-if __name__ == "__main__":
-    main()

@@ -21,16 +21,35 @@ RAREST = 1e-15
 
 
 def outliers(n: int, rate: float, size: float, random: Generator) -> Array:
-    """Errors to be added to `n` samples: normal with standard deviation `size` in a part `rate`, else 0."""
+    """Errors to be added to samples.
+
+    Args:
+        n: Number of samples.
+        rate: Part of them that is hit [1].
+        size: Standard deviation of these errors [unit of the samples]; they are normal.
+        random: Where chance comes from.
+
+    Returns:
+        Shape (n,); 0 where none is.
+    """
     errors = random.normal(0.0, size, n) if size > 0.0 else np.zeros(n)
     return np.where(random.random(n) < rate, errors, 0.0)
 
 
 def missing_samples(n: int, rate: float, length: float, random: Generator) -> NDArray[np.bool_]:
-    """Which of `n` samples are missing: a part `rate`, in gaps of `length` samples in the mean.
+    """Which samples are missing.
 
     Gaps and what lies between them have geometric lengths. Where gaps that short cannot make up that part
     they are longer.
+
+    Args:
+        n: Number of samples.
+        rate: Part of them that is missing [1].
+        length: Mean length of the gaps [samples].
+        random: Where chance comes from.
+
+    Returns:
+        Shape (n,).
     """
     if rate in {0.0, 1.0}:
         return np.full(n, rate == 1.0)
@@ -46,9 +65,15 @@ def missing_samples(n: int, rate: float, length: float, random: Generator) -> ND
 
 
 def jittered(t: Array, deviation: float, random: Generator) -> Array:
-    """When the samples of the times `t` [s] were really taken: off by `deviation` [s], never out of order.
+    """When samples were really taken [s]: never out of order, and none before the first time.
 
-    None is taken before the first time.
+    Args:
+        t: When they say [s], ascending, shape (n,).
+        deviation: Standard deviation of the difference [s].
+        random: Where chance comes from.
+
+    Returns:
+        Ascending, shape (n,).
     """
     if deviation == 0.0:
         return t

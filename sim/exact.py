@@ -30,7 +30,17 @@ COST = 0.25
 
 @compiled
 def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
-    """The state `h` [s] after `z`, in its order (`physics.rates`); no event is within."""
+    """The state `h` [s] after `z`; no event is within.
+
+    Args:
+        p: Parameters of a plant that is linear from event to event.
+        s: State at the beginning.
+        z: As `physics.rates` takes it, in its order and units.
+        h: Length [s].
+
+    Returns:
+        The same at the end.
+    """
     pressure, velocity, position, velocity2, position2, bristle, lagged = z
     flow = p.K_L * physics.opening(p, s.target)
     square, leaks = p.omega_n * p.omega_n, 2.0 * p.zeta * p.omega_n
@@ -75,7 +85,16 @@ def _factors(p: Record, s: Record, h: float) -> tuple[float, float, float]:
 
 @compiled
 def factors(square: float, d: float, h: float) -> tuple[float, float, float]:
-    """At `h` the f with f'' + 2 d f' + square f = 0, f(0) = 0 and f'(0) = 1, its integral, and that one's."""
+    """At `h` the f with f'' + 2 d f' + square f = 0, f(0) = 0 and f'(0) = 1, its integral, and that one's.
+
+    Args:
+        square: Natural frequency squared [rad^2/s^2].
+        d: Half the damping [1/s].
+        h: Time [s].
+
+    Returns:
+        In s, s^2 and s^3.
+    """
     if h * (2.0 * d + math.sqrt(square)) < SMALL:
         return _series(square, d, h)
     even, odd = physics.oscillation(d, square, h)

@@ -28,13 +28,23 @@ INPUT_COLUMNS = ("t", "u", "ps", "temperature")
 
 
 def sine(t: Array, amplitude: float, frequency: float) -> Array:
-    """`amplitude` [V] sin(2 pi frequency [Hz] t)."""
+    """`amplitude` [V] sin(2 pi `frequency` [Hz] t) from the first of the times `t` [s] on, shape (n,)."""
     wave: Array = amplitude * np.sin(2.0 * math.pi * frequency * (t - t[0]))
     return wave
 
 
 def sweep(t: Array, amplitude: float, band: tuple[float, float], linear: bool = False) -> Array:
-    """From the lower to the upper frequency of the band [Hz], by octaves or, `linear`, by hertz."""
+    """From the lower to the upper frequency of the band, once.
+
+    Args:
+        t: Times [s], shape (n,), n > 1.
+        amplitude: [V]
+        band: Lowest and highest frequency [Hz]; above 0 unless `linear`.
+        linear: By hertz; else by octaves.
+
+    Returns:
+        Voltages [V], shape (n,).
+    """
     low, high = band
     since, duration = t - t[0], t[-1] - t[0]
     if linear or low == high:

@@ -1,4 +1,4 @@
-"""The plant's equations differentiated about a steady state."""
+"""The plant's equations (`docs/model.md`) differentiated about a steady state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SPOOL, PRESSURE, VELOCITY, POSITION, VELOCITY2, POSITION2, BRISTLE, READING, SPO
 
 
 def present(p: Mapping[str, float]) -> list[int]:
-    """The states that this plant has."""
+    """Places in `STATES` of the states that this plant has; `p` are the parameters by name."""
     second, bristles = p["load_resonance_inertia"] > 0.0, p["lugre_friction_stiffness"] > 0.0
     lags = p["valve_lag_time"] > 0.0, p["sensor_lag_time"] > 0.0
     there = (lags[0], True, True, True, second, second, bristles, lags[1], _swings(p))
@@ -50,7 +50,12 @@ def _swings(p: Mapping[str, float]) -> bool:
 
 
 def dynamics(c: Conditions, steady: Steady) -> Matrix:
-    """The matrix of all states, without lags."""
+    """The matrix A of all `STATES`, without lags: shape (9, 9), in their units per second.
+
+    Args:
+        c: The plant and what surrounds it.
+        steady: The state about which it is linear.
+    """
     p, A = c.p, np.zeros((len(STATES), len(STATES)))
     oil = c.stiffness() * c.drifted("omega_n") ** 2
     by_opening, by_pressure = c.flow_slopes(steady.opening, steady.side, steady.pressure)
@@ -105,7 +110,13 @@ def _bristle(c: Conditions, steady: Steady) -> Matrix:
 
 
 def sensor(p: Mapping[str, float], steady: Steady, position: float) -> Matrix:
-    """What is measured by each state, the sensor's lag left out."""
+    """What is measured by each of `STATES`, the sensor's lag left out: shape (9,).
+
+    Args:
+        p: Parameters by name.
+        steady: The state about which it is linear.
+        position: Of the load [unit].
+    """
     row = np.zeros(len(STATES))
     if "backlash" in steady.blocked:
         return row
@@ -141,7 +152,16 @@ def _shown(p: Mapping[str, float], seen: float) -> float:
 
 
 def add_lags(p: Mapping[str, float], A: Matrix, C: Matrix) -> tuple[Matrix, Matrix]:
-    """Complete A by the lags of spool and sensor; returns B and C."""
+    """Complete A by the lags of spool and sensor.
+
+    Args:
+        p: Parameters by name.
+        A: That of `dynamics`, shape (9, 9); changed here.
+        C: That of `sensor`, shape (9,).
+
+    Returns:
+        B for a command [V], and C with the lag: shape (9,) each.
+    """
     B = np.zeros(len(STATES))
     before, behind = p["valve_lag_time"], p["sensor_lag_time"]
     if _swings(p):

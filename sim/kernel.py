@@ -52,7 +52,7 @@ def measured(p: Record, s: Record) -> float:
 
 @compiled
 def quantized(p: Record, value: float) -> float:
-    """A reading in whole counts of the sensor."""
+    """A reading [unit, or unit/s] in whole counts of the sensor."""
     step = p.sensor_quantization_step
     return value if step == 0.0 else step * math.floor(value / step + 0.5)
 

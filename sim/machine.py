@@ -42,18 +42,48 @@ class Machine(Protocol):
     state: NDArray[np.void]
 
     def surround(self, supply: Array, warmth: Array) -> None:
-        """Begin in the surroundings of the first row of these, where they have rows."""
+        """Begin in the surroundings of the first row of these, where they have rows.
+
+        Args:
+            supply: Supply pressure over nominal, shape (n,) or (0,).
+            warmth: Temperature above nominal [K], likewise.
+        """
 
     def settling(self, volts: float) -> float:
-        """After which nothing is left of how it began, the command held [s]."""
+        """After which nothing is left of how it began, a command [V] held [s].
+
+        Raises:
+            ValueError: A physical plant has no steady state at rest.
+        """
 
     def follow(self, t_u: Array, u: Array, t: Array, noise: Array, around: Around) -> Array:
-        """What is measured at `t` [s] under commands `u` [V] that leave at `t_u` [s]."""
+        """What is measured under given commands.
+
+        Args:
+            t_u: When they leave [s], ascending, shape (m,).
+            u: Commands [V], shape (m,).
+            t: Times of samples [s], ascending, shape (n,).
+            noise: Of the sensor [unit, or unit/s], shape (n,) or (0,).
+            around: Surroundings, shape (n,) or (0,) each.
+
+        Returns:
+            Readings [unit, or unit/s], shape (n,).
+        """
 
     def relay(
         self, relay: NDArray[np.void], t: Array, noise: Array, around: Around
     ) -> tuple[Array, Array, Array]:
-        """y, u [V] and t_u [s] of a relay that looks at the ticks `t` [s]."""
+        """In a relay's loop.
+
+        Args:
+            relay: Shape (1,) of `sim.runs.RELAY`.
+            t: Ticks at which it looks [s], shape (n,).
+            noise: Of the sensor [unit, or unit/s], shape (n,) or (0,).
+            around: Surroundings, likewise.
+
+        Returns:
+            Readings [unit, or unit/s], commands [V] and when these leave [s]: shape (n,) each.
+        """
 
     def forget_readings(self) -> None:
         """Of a sensor that holds them: the next reading is a new one."""
@@ -113,7 +143,11 @@ class HydraulicMachine:
         self.state["pressure_s"] = set_pressure(self.p[0], self.state[0], float(self.state["t"][0]))
 
     def settling(self, volts: float) -> float:
-        """By its small signals about the speed that these volts make [s]."""
+        """By its small signals about the speed that these volts make [s].
+
+        Raises:
+            ValueError: It has no steady state at rest.
+        """
         still = small_signal(self.p)
         try:
             small = small_signal(self.p, speed=still.K_L * volts) if volts else still

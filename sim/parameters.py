@@ -88,7 +88,11 @@ def parameters(
 
 
 def plant_parameters(plant: PlantConfig) -> npt.NDArray[np.void]:
-    """The record for a plant of a rig file: array of shape (1,) of `PARAMETERS`."""
+    """The record for a plant of a rig file: array of shape (1,) of `PARAMETERS`.
+
+    Raises:
+        ValueError: Something is out of its range.
+    """
     low, high = plant.stops or (-INF, INF)
     return parameters(
         plant.K_L,

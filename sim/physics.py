@@ -18,7 +18,16 @@ SETTLED = 1e-9
 
 @compiled
 def corner(s: float, at: float, rounding: float) -> float:
-    """0 before `at`, a line of slope 1 beyond it, and between them a parabola, as wide as `rounding` says."""
+    """0 before `at`, a line of slope 1 beyond it, and between them a parabola.
+
+    Args:
+        s: Part of the map's range, 0 to 1.
+        at: Where the corner is, likewise.
+        rounding: Half the parabola's width over the distance to the nearer end of the range.
+
+    Returns:
+        Part of the range.
+    """
     half = rounding * min(at, 1.0 - at)
     if s <= at - half:
         return 0.0
@@ -29,7 +38,15 @@ def corner(s: float, at: float, rounding: float) -> float:
 
 @compiled
 def cornered(p: Record, s: float, first: float, second: float, end: float) -> float:
-    """Straight lines from 0 through two knots to the range's end, with rounded corners; `s` from 0 to 1."""
+    """Straight lines from 0 through two knots to the range's end, with rounded corners [V].
+
+    Args:
+        p: Parameters.
+        s: Part of the map's range, 0 to 1.
+        first: Value at the first knot [V].
+        second: Value at the second [V].
+        end: Value at the range's end [V].
+    """
     at_1, at_2 = p.static_valve_map_knot_1, p.static_valve_map_knot_2
     begins, goes_on, ends = first / at_1, (second - first) / (at_2 - at_1), (end - second) / (1.0 - at_2)
     rounding = p.static_valve_map_rounding
@@ -50,7 +67,7 @@ def mapped(p: Record, volts: float) -> float:
 
 @compiled
 def opening(p: Record, spool: float) -> float:
-    """What the spool opens, in volts of an ideal symmetric valve."""
+    """What the spool [V] opens, in volts of an ideal symmetric valve."""
     from_centre = spool - p.null_shift_voltage
     overlap, ratio = p.valve_deadband_half_width, p.asymmetric_gain_ratio
     if from_centre > overlap:
@@ -102,7 +119,15 @@ def swung(p: Record, s: Record, h: float) -> tuple[float, float]:
 
 @compiled
 def oscillation(d: float, square: float, h: float) -> tuple[float, float]:
-    """exp(-d h) times cos(k h), and times sin(k h) / k [s], with k^2 = square - d^2 of either sign."""
+    """exp(-d h) times cos(k h), and times sin(k h) / k [s], with k^2 = square - d^2 of either sign.
+
+    The solution of x'' + 2 d x' + square x = 0 in its two parts; of an overdamped one hyperbolic.
+
+    Args:
+        d: Half the damping [1/s].
+        square: Natural frequency squared [rad^2/s^2].
+        h: Time [s].
+    """
     beyond = d * d - square
     if beyond > 0.0:
         k = math.sqrt(beyond)
@@ -138,7 +163,15 @@ def spool_moves(p: Record) -> bool:
 
 @compiled
 def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> float:
-    """Flow through the valve as the speed that it would give a load without pressure [unit/s]."""
+    """Flow through the valve as the speed that it would give a load without pressure [unit/s].
+
+    Args:
+        p: Parameters.
+        s: State; its supply pressure counts.
+        opened: Opening, in volts of an ideal symmetric valve.
+        pressure: Load pressure as acceleration [unit/s^2].
+        gain: K_L as it is now [unit/s/V].
+    """
     most = p.square_root_flow_supply
     if most == math.inf:
         return gain * opened
@@ -150,13 +183,20 @@ def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> f
 
 @compiled
 def drifted(rate: float, thermal: float, t: float, warmth: float) -> float:
-    """Factor of a drifting parameter; never below a twentieth."""
+    """Factor of a drifting parameter [1]; never below a twentieth.
+
+    Args:
+        rate: Part by which it grows with time [1/s].
+        thermal: Part by which it grows with temperature [1/K].
+        t: Since the start [s].
+        warmth: Temperature above nominal [K].
+    """
     return max(0.05, 1.0 + rate * t + thermal * warmth)
 
 
 @compiled
 def stiffness(p: Record, s: Record) -> float:
-    """Stiffness of the oil over that at nominal supply pressure."""
+    """Stiffness of the oil over that at nominal supply pressure [1]."""
     air = p.pressure_dependent_stiffness_air
     if air == 0.0:
         return 1.0
@@ -166,7 +206,16 @@ def stiffness(p: Record, s: Record) -> float:
 
 @compiled
 def drive(p: Record, s: Record, t: float, pressure: float, position: float, coupled: float) -> float:
-    """Acceleration of the whole load by everything but dry friction [unit/s^2]."""
+    """Acceleration of the whole load by everything but dry friction [unit/s^2].
+
+    Args:
+        p: Parameters.
+        s: State.
+        t: Time [s].
+        pressure: Load pressure as acceleration [unit/s^2].
+        position: Of the load [unit].
+        coupled: `coupling` [unit/s^2]; 0 without a second inertia.
+    """
     total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
     total -= p.load_bias_drift * (t - s.origin)
     if p.periodic_disturbance_amplitude != 0.0:
@@ -179,14 +228,17 @@ def drive(p: Record, s: Record, t: float, pressure: float, position: float, coup
 
 @compiled
 def coupling(p: Record, velocity: float, position: float, velocity2: float, position2: float) -> float:
-    """Acceleration of the second inertia by its spring and damper [unit/s^2]."""
+    """Acceleration [unit/s^2] of the second inertia (`velocity2`, `position2`) by its spring and damper."""
     omega, zeta = p.load_resonance_omega, p.load_resonance_zeta
     return omega * omega * (position - position2) + 2.0 * zeta * omega * (velocity - velocity2)
 
 
 @compiled
 def friction_level(p: Record, speed: float) -> float:
-    """Coulomb and Stribeck friction at a speed [unit/s^2]."""
+    """Coulomb and Stribeck friction at a speed [unit/s], without its sign [unit/s^2].
+
+    As g(v) of LuGre friction: Canudas de Wit and others, IEEE Trans. Automatic Control 40 (1995), p. 419.
+    """
     level = p.coulomb_friction_level
     if p.stribeck_friction_level > 0.0:
         relative = speed / p.stribeck_friction_speed
@@ -202,7 +254,10 @@ def dry_friction(p: Record) -> bool:
 
 @inlined
 def settled(p: Record, s: Record) -> bool:
-    """Whether bristles bend as far as they do in motion, until the load turns round: as plain friction."""
+    """Whether bristles bend as far as they do in motion, until the load turns round: as plain friction.
+
+    They bear the friction level to `SETTLED` then.
+    """
     if p.stribeck_friction_level > 0.0:
         return False
     bears = s.motion * p.lugre_friction_stiffness * s.bristle
@@ -213,9 +268,18 @@ def settled(p: Record, s: Record) -> bool:
 def rates(
     p: Record, s: Record, z: tuple[float, ...], t: float, opened: float
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Time derivatives of the state `z`, the right-hand side of it all.
+    """Time derivatives of the state `z`: the right-hand side of all equations.
 
-    `z` is pressure, velocity, position, velocity and position of the second inertia, bristles, reading.
+    Args:
+        p: Parameters.
+        s: State, for what stays the same within a substep.
+        z: Pressure [unit/s^2], velocity [unit/s] and position [unit], those two of the second inertia, what
+            the bristles bend by [unit], reading behind the sensor's lag [unit, or unit/s].
+        t: Time [s].
+        opened: Opening, in volts of an ideal symmetric valve.
+
+    Returns:
+        That of each, per second, in the same order.
     """
     pressure, velocity, position, velocity2, position2, bristle, lagged = z
     since, warmth = t - s.origin, s.warmth
@@ -248,7 +312,7 @@ def rates(
 
 @compiled
 def followed(p: Record, s: Record, position: float) -> float:
-    """Position behind the backlash, the actuator having come to `position` without turning round."""
+    """Position behind the backlash [unit], the actuator having come to `position` without turning round."""
     half = 0.5 * p.backlash_gap
     return min(max(s.followed, position - half), position + half)
 
@@ -262,7 +326,7 @@ def in_contact(p: Record, s: Record) -> bool:
 
 @compiled
 def rippled(p: Record, position: float) -> float:
-    """Position with the encoder's eccentricity."""
+    """Position [unit] with the encoder's eccentricity."""
     if p.position_ripple_amplitude == 0.0:
         return position
     angle = p.position_ripple_wavenumber * position + p.position_ripple_phase
@@ -283,7 +347,7 @@ def bends(p: Record) -> bool:
 
 @inlined
 def bend(p: Record, position: float) -> tuple[float, float]:
-    """What the sensor's curve adds to a position [unit], and its slope: Legendre polynomials."""
+    """What the sensor's curve adds to a position [unit], and its slope [1]: Legendre polynomials."""
     along = (position - p.sensor_nonlinearity_centre) / p.sensor_nonlinearity_half
     z = min(max(along, -1.0), 1.0)
     z2 = z * z
@@ -306,7 +370,7 @@ def encoded(p: Record, position: float) -> float:
 
 @compiled
 def sensed(p: Record, s: Record, position: float, velocity: float) -> float:
-    """What the sensor sees, its sign included [unit, or unit/s]."""
+    """What the sensor sees of a position [unit] or a speed [unit/s], its sign included; in the same unit."""
     behind = followed(p, s, position)
     if not p.measures_speed:
         return encoded(p, behind)
@@ -330,5 +394,5 @@ def rectified(p: Record, value: float) -> float:
 
 @compiled
 def seen(p: Record, s: Record, position: float, velocity: float) -> float:
-    """What the sensor shows without its lag [unit, or unit/s]."""
+    """What the sensor shows of a position [unit] or a speed [unit/s] without its lag; in the same unit."""
     return rectified(p, sensed(p, s, position, velocity))

@@ -85,7 +85,20 @@ def follow(
     force: Array,
     y: Array,
 ) -> None:
-    """Given commands `u` [V] at the times `t_u` [s]: what is measured at the times `t` [s], into `y`."""
+    """Given commands: what is measured, into `y`.
+
+    Args:
+        p: Plant.
+        s: Its state.
+        t_u: When commands leave [s], ascending, shape (m,).
+        u: Commands [V], shape (m,).
+        t: Times of samples [s], ascending, shape (n,).
+        noise: Of the sensor [unit, or unit/s], shape (n,) or (0,).
+        supply: Supply pressure over nominal, likewise.
+        warmth: Temperature above nominal [K], likewise.
+        force: What is measured of a disturbance, likewise.
+        y: Filled [unit, or unit/s], shape (n,).
+    """
     given = 0
     for k in range(len(t)):
         if len(supply):
@@ -140,10 +153,23 @@ def sampled_relay(
     u: Array,
     t_u: Array,
 ) -> None:
-    """A relay that looks at the ticks `t` [s]; fills `y`, `u` [V] and `t_u` [s].
+    """A relay that looks at the ticks; fills `y`, `u` and `t_u`.
 
     With `cycles` the relay's phase alternates: that many cycles as they are, that many with each switch late
     by `shift` periods of the first.
+
+    Args:
+        p: Plant.
+        s: Its state.
+        r: `RELAY`.
+        t: Ticks [s], shape (n,).
+        noise: Of the sensor [unit, or unit/s], shape (n,) or (0,).
+        supply: Supply pressure over nominal, likewise.
+        warmth: Temperature above nominal [K], likewise.
+        force: What is measured of a disturbance, likewise.
+        y: Filled with readings [unit, or unit/s], shape (n,).
+        u: Filled with commands [V], shape (n,).
+        t_u: Filled with when these leave [s], shape (n,).
     """
     given, sign, signal, shown = 0, 1.0, 0.0, 1.0
     crossed, period, late = math.nan, 0.0, 0.0  # last upward crossing, last undisturbed period, lateness now
@@ -186,9 +212,9 @@ def ideal_relay(p: Record, s: Record, r: Record, t: Array, y: Array, switches: A
             position - reference t).
         s: Its state.
         r: The relay; `entry` and `cycles` do not apply. Latency and delay must be less than half a period.
-        t: Times of the samples in `y` [s].
-        y: What is measured then, filled here.
-        switches: When the threshold was passed [s], filled here as far as it reaches.
+        t: Times of the samples in `y` [s], shape (n,).
+        y: What is measured then [unit], filled here, shape (n,).
+        switches: When the threshold was passed [s], filled here as far as it reaches, shape (m,).
 
     Returns:
         How many switches there were.

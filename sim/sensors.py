@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 
 
 class Lag:
-    """First-order low-pass of a signal known at some times, straight between them."""
+    """First-order low-pass of a signal known at some times, straight between them.
+
+    Args:
+        tau: Time constant [s].
+    """
 
     def __init__(self, tau: float) -> None:
         self.tau = tau
@@ -42,15 +46,15 @@ class Perfect:
     """The channel carries the position itself."""
 
     def sense(self, t: float, position: float, velocity: float) -> float:  # noqa: ARG002 - a sensor's form
-        """What is measured, in SI, before noise."""
+        """What is measured at `t` [s] of a position [rad or m] and a speed [per s], in SI, before noise."""
         return position
 
     def number(self, value: float) -> float:
-        """What the channel carries for a measured value."""
+        """What the channel carries for a measured value in SI [channel's unit]."""
         return value
 
     def mark(self, position: float) -> float:  # noqa: ARG002 - a sensor's form
-        """What the index channel carries; for encoders that have one."""
+        """What the index channel carries at a position [rad]; for encoders that have one."""
         return 0.0
 
 
@@ -58,7 +62,7 @@ class PerfectSpeed(Perfect):
     """The channel carries the speed itself."""
 
     def sense(self, t: float, position: float, velocity: float) -> float:  # noqa: ARG002 - a sensor's form
-        """The speed."""
+        """The speed [rad/s or m/s]."""
         return velocity
 
 
@@ -69,17 +73,17 @@ class Kind(Perfect, ABC):
         self.lag = Lag(config.lag) if config.lag else None
 
     def sense(self, t: float, position: float, velocity: float) -> float:
-        """What is measured, in SI, lag included, before noise."""
+        """What is measured at `t` [s], in SI, lag included, before noise."""
         value = self.measured(position, velocity)
         return value if self.lag is None else self.lag.update(t, value)
 
     def measured(self, position: float, velocity: float) -> float:  # noqa: ARG002 - speed for F/V converters
-        """What would be measured without lag, in SI."""
+        """What would be measured without lag, in SI, of a position [rad or m] and a speed [per s]."""
         return position
 
     @abstractmethod
     def number(self, value: float) -> float:
-        """What the channel carries for a measured value."""
+        """What the channel carries for a measured value in SI [channel's unit]."""
 
 
 class LinearSensor(Kind):
@@ -90,7 +94,7 @@ class LinearSensor(Kind):
         self.scale, self.offset = config.scale, config.offset
 
     def number(self, value: float) -> float:
-        """The value, scaled and offset."""
+        """The value [rad or m], scaled and offset [channel's unit]."""
         return value * self.scale + self.offset
 
 
@@ -104,7 +108,7 @@ class IncrementalEncoder(Kind):
         self.turn: int | None = None
 
     def number(self, value: float) -> float:
-        """The counter."""
+        """The counter [counts] at a position [rad or m]."""
         return float((self.start + math.floor(value * self.counts)) % self.period)
 
     def mark(self, position: float) -> float:
@@ -123,7 +127,7 @@ class AbsoluteEncoder(Kind):
         self.counts, self.zero, self.sign = config.counts_per_rev, config.zero, config.sign
 
     def number(self, value: float) -> float:
-        """The code."""
+        """The code [counts] at an angle [rad]."""
         turns = self.sign * (value - self.zero) / (2.0 * math.pi)
         return float(math.floor(turns * self.counts) % self.counts)
 
@@ -137,11 +141,11 @@ class FvConverter(Kind):
         self.wave = 2.0 * math.pi * config.ripples_per_unit
 
     def measured(self, position: float, velocity: float) -> float:
-        """The speed with its ripple [SI]."""
+        """The speed with its ripple [rad/s or m/s]."""
         return velocity * (1.0 + self.config.ripple * math.cos(self.wave * position))
 
     def number(self, value: float) -> float:
-        """The voltage [V], clipped."""
+        """The voltage [V] for a speed [rad/s or m/s], clipped."""
         low, high = self.config.clip
         return counted(
             self.config.adc, max(low, min(high, value * self.config.volts_per_unit + self.config.offset_v))
@@ -156,7 +160,7 @@ class LinearScale(Kind):
         self.config = config
 
     def number(self, value: float) -> float:
-        """The stroke that makes this angle, scaled."""
+        """The stroke that makes this angle [rad], scaled [channel's unit]."""
         config = self.config
         if config.crank is not None:
             value = crank_stroke(config.crank, value)
@@ -166,7 +170,7 @@ class LinearScale(Kind):
 
 
 def counted(adc: AdcTruth | None, number: float) -> float:
-    """A number as an A/D converter tells it; as it is where there is none."""
+    """A number [channel's unit] as an A/D converter tells it; as it is where there is none."""
     if adc is None:
         return number
     low, high = adc.range
@@ -195,7 +199,7 @@ def table_stroke(table: TableTruth, angle: float) -> float:
 
 
 def make_sensor(config: AnySensor | None, speed: bool = False) -> Perfect:
-    """The sensor of a plant's section; where it has none, of its position, or of its `speed`."""
+    """The sensor of a plant's section; where it has none, one of its position, or of its `speed`."""
     if config is None:
         return PerfectSpeed() if speed else Perfect()
     if isinstance(config, LinearTruth):

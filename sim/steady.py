@@ -41,12 +41,12 @@ class Conditions:
     since: float = 0.0
 
     def drifted(self, name: str) -> float:
-        """K_L, omega_n or zeta as it is by now."""
+        """K_L [unit/s/V], omega_n [rad/s] or zeta, by its name, as it is by now."""
         rate, thermal = self.p[f"parameter_drift_{name}"], self.p[f"parameter_drift_{name}_thermal"]
         return self.p[name] * max(0.05, 1.0 + rate * self.since + thermal * self.warmth)
 
     def stiffness(self) -> float:
-        """Stiffness of the oil over that at nominal supply pressure."""
+        """Stiffness of the oil over that at nominal supply pressure [1]."""
         air = self.p["pressure_dependent_stiffness_air"]
         return (1.0 + air) / (1.0 + air / self.supply**2)
 
@@ -61,7 +61,7 @@ class Conditions:
         return constant + self.p["load_spring_stiffness"] * deflection
 
     def friction(self, speed: float) -> tuple[float, float]:
-        """Friction at |speed| [unit/s^2] and its slope there [1/s]."""
+        """Friction at |speed| [unit/s]: its level [unit/s^2] and its slope there [1/s]."""
         excess, scale = self.p["stribeck_friction_level"], self.p["stribeck_friction_speed"]
         excess *= math.exp(-((speed / scale) ** 2))
         return self.p["coulomb_friction_level"] + excess, -2.0 * abs(speed) / scale**2 * excess
@@ -74,6 +74,11 @@ class Conditions:
         """The flow's slopes against the opening, through zero [unit/s/V], and against the pressure [s].
 
         The flow is the first of them times the opening.
+
+        Args:
+            opening: In volts of an ideal symmetric valve.
+            side: -1, 1: the valve's side, also where it is closed; 0: both alike.
+            pressure: Load pressure as acceleration [unit/s^2].
         """
         gain, most = self.drifted("K_L"), self.p["square_root_flow_supply"] * self.supply
         if most == math.inf:

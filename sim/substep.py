@@ -27,7 +27,17 @@ def longest_substep(p: Record, s: Record, t: float) -> float:
 
 @compiled
 def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[float, bool]:
-    """How far to go now [s], and whether that is the whole of `left`."""
+    """How far to go now, and whether that is the whole of `left`.
+
+    Args:
+        p: Parameters.
+        s: State.
+        left: Time to go [s].
+        longest: `longest_substep` [s].
+
+    Returns:
+        Length [s], and whether nothing is left after it.
+    """
     if p.square_root_flow_supply < math.inf:
         longest = min(longest, max(_within_orifice(p, s, longest), p.shortest * longest))
     if p.lugre_friction_stiffness > 0.0 and not physics.settled(p, s):

@@ -32,7 +32,7 @@ class ValveMap:
         self._tilt = (0.0, *(of[name] for name in MAP_TILTS))
 
     def worth(self, volts: float) -> float:
-        """Of a command [V]."""
+        """What a command [V] is worth [V]."""
         if math.isinf(self.range):
             return volts
         part = min(abs(volts) / self.range, 1.0)
@@ -54,7 +54,12 @@ class ValveMap:
         return high
 
     def slope(self, volts: float, side: float) -> float:
-        """Of what a command is worth over it, to the side -1 or 1 of it; 0: the mean of both."""
+        """Of what a command is worth over it [1].
+
+        Args:
+            volts: The command [V].
+            side: -1, 1: to this side of it; 0: the mean of both.
+        """
         if math.isinf(self.range):
             return 1.0
         if side == 0.0:

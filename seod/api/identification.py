@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from seod.api.options import Number
     from seod.api.progress import Bar, Told
     from seod.api.rig_file import RigFile
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
     from seod.data import Recording
     from seod.identify.drive import Hold
     from seod.identify.record import Output

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
+    from seod.config.axis import AxisConfig
     from seod.config.check import Report
     from seod.config.errors import KeyPath
-    from seod.config.model import AxisConfig
 
 
 class RigFile:

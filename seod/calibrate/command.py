@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from seod.calibrate.procedure import Edge, Result
     from seod.calibrate.static import Static
     from seod.calibrate.value import Value
+    from seod.config.axis import AxisConfig
     from seod.config.errors import KeyPath
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.model import RigConfig
 
 SCATTER = 4.0
 """Speeds that scatter so much more than the noise explains are no line."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 from typing import TYPE_CHECKING
 
-from seod.config.model import ServerConfig, TlsConfig
+from seod.config.server import ServerConfig, TlsConfig
 from seod.config.tokens import RIGHTS, has_token, is_filled, located
 from seod.files.user_files import irregular
 

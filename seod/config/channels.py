@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 from seod.config.sensors import index_channel
 
 if TYPE_CHECKING:
-    from seod.config.model import AxisConfig, EnableConfig, OutputConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
+    from seod.config.outputs import EnableConfig, OutputConfig
 
 
 def input_channels(config: RigConfig) -> list[str]:

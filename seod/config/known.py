@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from seod.config.axis import AxisConfig
     from seod.config.calibration import CalibratedValue
-    from seod.config.model import AxisConfig
 
 
 def known_to(axis: AxisConfig, name: Literal["K_L", "delay"]) -> float | None:

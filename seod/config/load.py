@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from drivers.base import Driver
-    from seod.config.model import ServerConfig
+    from seod.config.server import ServerConfig
 
 __all__ = ["ConfigError", "ConfigErrors", "load_rig", "load_text"]
 

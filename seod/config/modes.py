@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from pydantic import TypeAdapter, ValidationError
 
+from seod.config.axis import LimitsConfig, RelayConfig
 from seod.config.errors import suggest
 from seod.config.gain import Gain, GainModel
 from seod.config.gain_in_force import gain_range, is_identified, needs_pressure
-from seod.config.model import LimitsConfig, RelayConfig
 from seod.config.units import COMMANDS, GAINS, RATES, UNITS, dimension_of, parse_quantity, per, units_of
 from seod.config.wiring import command_unit, sensor_dimension
 

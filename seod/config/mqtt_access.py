@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.config.access import is_loopback
-from seod.config.model import ServerConfig
 from seod.config.mqtt import MqttConfig
+from seod.config.server import ServerConfig
 from seod.config.tokens import has_token, located
 from seod.files.user_files import irregular
 

@@ -6,18 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from seod.config.ages import PULSE_SAMPLES
+from seod.config.axis import EstimatorConfig, HoldConfig, LimitsConfig, PolarityConfig, RelayConfig
 from seod.config.excitation import ExcitationConfig
+from seod.config.guard import GuardConfig
 from seod.config.linkage_angle import make_linkage
-from seod.config.model import (
-    EstimatorConfig,
-    GuardConfig,
-    HoldConfig,
-    LimitsConfig,
-    LoopConfig,
-    OutputConfig,
-    PolarityConfig,
-    RelayConfig,
-)
+from seod.config.model import LoopConfig
+from seod.config.outputs import OutputConfig
 from seod.config.sensors import (
     AbsoluteEncoderConfig,
     FvConverterConfig,

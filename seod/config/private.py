@@ -11,7 +11,7 @@ from seod.config.tokens import RIGHTS, located, too_open
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.config.model import ServerConfig
+    from seod.config.server import ServerConfig
 
 
 def open_tokens(server: ServerConfig) -> Iterator[str]:

@@ -10,7 +10,8 @@ from seod.config.gain_in_force import gain_range, is_identified, needs_pressure
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
 
 
 LOOP_SETTINGS = ("e_a", "hysteresis", "bias", "K_L", "two_phase", "reference", "trim")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from seod.config.model import OutputConfig
+from seod.config.outputs import OutputConfig
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

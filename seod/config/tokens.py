@@ -13,7 +13,8 @@ from seod.config.token_field import CREDENTIALS, FILL, LEAST
 from seod.files.user_files import irregular, said
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig, ServerConfig
+    from seod.config.model import RigConfig
+    from seod.config.server import ServerConfig
 
 RIGHTS = ("read_token", "command_token")
 """Keys of the `server` section that hold a token; `KEY_file` names a file that does."""

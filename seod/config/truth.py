@@ -9,7 +9,8 @@ from seod.config.units import UNITS
 from sim.truth import plant_truth
 
 if TYPE_CHECKING:
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
     from seod.config.sensors import SensorConfig
     from sim.config import PlantConfig
 

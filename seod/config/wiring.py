@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.config.errors import suggest
-from seod.config.model import LoopConfig, OutputConfig
+from seod.config.model import LoopConfig
+from seod.config.outputs import OutputConfig
 from seod.config.sensors import ScaledConfig
 from seod.config.signals import check_signals
 from seod.config.units import BASE, COMMANDS, UNITS

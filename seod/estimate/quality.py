@@ -71,8 +71,8 @@ def clipped(y: Sequence[float]) -> bool:
     """
     levels = sorted(set(y))
     return len(levels) > 2 and any(
-        _longest_run(y, at) > max(2 + 2 * y.count(beside), 0.1 * len(y))
-        for at, beside in ((levels[0], levels[1]), (levels[-1], levels[-2]))
+        _longest_run(y, at) > max(2 + 2 * y.count(next_level), 0.1 * len(y))
+        for at, next_level in ((levels[0], levels[1]), (levels[-1], levels[-2]))
     )
 
 

@@ -169,7 +169,7 @@ async def serve(arguments: ChildArguments, link: socket.socket) -> None:
         running = asyncio.create_task(Member(config, config.mqtt, way, link).run())
         for number in (signal.SIGTERM, signal.SIGINT):
             asyncio.get_running_loop().add_signal_handler(number, running.cancel)
-        send_json(link, {"beside": "ready"})
+        send_json(link, {"fleet": "ready"})
         with contextlib.suppress(asyncio.CancelledError):
             await running
 
@@ -184,7 +184,7 @@ def main() -> int:
         try:
             asyncio.run(serve(arguments, link))
         except (BrokerError, OSError) as error:
-            send_json(link, {"beside": "failed", "why": str(error)})
+            send_json(link, {"fleet": "failed", "why": str(error)})
             return 1
     return 0
 

@@ -13,7 +13,8 @@ from seod.protocol.jsonrpc import NO_ANSWER, JsonText, RpcError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
     from seod.gateway.hub import Hub
     from seod.processes.link import Link
     from seod.processes.ring import Shared

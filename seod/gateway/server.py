@@ -18,7 +18,7 @@ from seod.protocol.jsonrpc import NO_ANSWER, RpcError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from seod.config.model import ServerConfig, TlsConfig
+    from seod.config.server import ServerConfig, TlsConfig
     from seod.gateway.hub import Hub, Sink
     from seod.gateway.service import Service
     from seod.processes.hand_in import Peer

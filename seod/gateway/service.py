@@ -7,7 +7,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from seod.config.model import METHODS
+from seod.config.axis import METHODS
 from seod.config.settings import LOOP_SETTINGS, refusal
 from seod.gateway.hub import keys_of
 from seod.gateway.params import (
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     from pydantic import SecretStr
 
-    from seod.config.model import ServerConfig
+    from seod.config.server import ServerConfig
     from seod.gateway.desk import Axis, Desk
     from seod.gateway.hub import Hub, Key, Sink
 

@@ -17,11 +17,12 @@ from seod.config.tokens import RIGHTS, TokenError, variable, with_tokens
 from seod.files.user_files import not_recordable
 from seod.launch.locks import LockedError, lock_claims, lock_rig
 from seod.processes.handover import write_memfd
-from seod.supervisor.process import SupervisorArguments, become
+from seod.supervisor.arguments import SupervisorArguments, become
 from sim.cache import cache_folder, compile_plant, is_plant_compiled
 
 if TYPE_CHECKING:
-    from seod.config.model import RigConfig, ServerConfig
+    from seod.config.model import RigConfig
+    from seod.config.server import ServerConfig
 
 ROWS_S = 2.0
 """Seconds of rows that the ring holds: how long the gateway may be busy without losing any."""

@@ -30,7 +30,8 @@ from seod.processes.ring import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
     from seod.loop.mode import Mode
 
 GROWTH_AFTER_S = 1.0

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from drivers.base import Sample
-    from seod.config.model import AxisConfig, RigConfig
+    from seod.config.axis import AxisConfig
+    from seod.config.model import RigConfig
     from seod.loop.sensor import Sensor
 
 SILENT_S = 1.0

@@ -20,7 +20,7 @@ from seod.processes.ring import AxisState
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
     from seod.loop.mode import Mode
 
 ACTIVE = frozenset({AxisState.ARMED, AxisState.EXCITING, AxisState.HOLDING})

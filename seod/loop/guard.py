@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.base import Sample
-    from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+    from seod.config.axis import LimitsConfig
+    from seod.config.guard import EstopConfig, GuardConfig
     from seod.loop.sensor import Sensor
     from seod.loop.validity import Gate
 

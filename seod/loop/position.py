@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seod.loop.excite import Controller, PositionHold, Relay
 
 if TYPE_CHECKING:
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
 
 SETTLED_S = 0.05
 """A hold is over once the axis has stayed within the tolerance for this long."""

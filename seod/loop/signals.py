@@ -10,7 +10,8 @@ from seod.processes.ring import AxisState
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.config.model import EnableConfig, RigConfig
+    from seod.config.model import RigConfig
+    from seod.config.outputs import EnableConfig
     from seod.loop.axis import Axis
 
 

@@ -16,7 +16,7 @@ from seod.loop.excite import Relay
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from seod.config.model import LimitsConfig
+    from seod.config.axis import LimitsConfig
 
 SAME_PERIOD = 0.5
 """Part of a period that a cycle lasts at least: what noise switches in between is none."""

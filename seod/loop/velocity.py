@@ -16,7 +16,7 @@ from seod.loop.position import Settling
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
 
 STUCK_S = 1.0
 """A relay that has not switched for this long, and for four half cycles, does not oscillate."""

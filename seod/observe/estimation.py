@@ -28,7 +28,7 @@ from seod.processes.ring import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
     from seod.estimate.base import Estimator
     from seod.observe.messages import RowTuple
 

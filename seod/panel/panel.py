@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from seod.config.model import RigConfig, ServerConfig
+    from seod.config.model import RigConfig
+    from seod.config.server import ServerConfig
     from seod.processes.ring import Shared
 
 POLL_S: Final = 0.008

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import ssl
     from collections.abc import Iterator
 
-    from seod.config.model import ServerConfig
+    from seod.config.server import ServerConfig
 
 NICE = -3
 """Where the system allows it: behind who estimates, before what is ordinary: an e-stop comes this way."""
@@ -106,7 +106,7 @@ class Serving:
                 opened = listening(server.host, server.scpi_port, "scpi_port")
                 tasks.append(asyncio.create_task(ScpiServer(scpi_device(self._panel)).serve(opened, context)))
                 listens.append(f"SCPI on port {opened.getsockname()[1]}")
-            send_json(link, {"beside": "ready", "says": listens})
+            send_json(link, {"panel": "ready", "says": listens})
             await self._first_end(tasks)
         finally:
             for task in tasks:
@@ -185,7 +185,7 @@ def main() -> int:
         try:
             asyncio.run(serve(arguments, link))
         except ServerError as error:
-            send_json(link, {"beside": "failed", "why": str(error)})
+            send_json(link, {"panel": "failed", "why": str(error)})
             return 1
     return 0
 

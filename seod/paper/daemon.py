@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.estimate.base import Estimate
+    from sim.config import SimulationConfig
 
     Array = NDArray[np.float64]
 
@@ -60,6 +61,14 @@ class Told:
         return np.array([row[which] for row in self.rows])
 
 
+def _simulation(config: RigConfig, seed: int, constants: dict[str, float]) -> SimulationConfig:
+    """What the rig file simulates, with another seed and other numbers of some constant channels."""
+    if config.simulation is None:
+        raise PaperError(f"rig {config.rig} has no `simulation:` section")
+    changed = {"seed": seed, "constants": {**config.simulation.constants, **constants}}
+    return config.simulation.model_copy(update=changed)
+
+
 class Daemon:
     """One axis of a rig file under the daemon's own loop.
 
@@ -81,15 +90,13 @@ class Daemon:
         constants: dict[str, float] | None = None,
         settings: dict[str, Any] | None = None,
     ) -> None:
-        if config.simulation is None:
-            raise PaperError(f"rig {config.rig} has no `simulation:` section")
-        changed = {"seed": seed, "constants": {**config.simulation.constants, **(constants or {})}}
-        simulation = config.simulation.model_copy(update=changed)
         self.config, self.name, self.index = config, axis, list(config.axes).index(axis)
         self._shared = Shared(len(config.axes), RING)
         self._pacer = SimulatedPacer(1.0 / config.loop.rate_hz, self._shared)
         self._pacer.start = BEGINS
-        options = VirtualOptions(kind="virtual", realtime=False, simulation=simulation)
+        options = VirtualOptions(
+            kind="virtual", realtime=False, simulation=_simulation(config, seed, constants or {})
+        )
         self.driver = VirtualDriver(options, self._pacer.now)
         self.driver.open(input_channels(config), output_channels(config), neutral_values(config))
         self.driver.start()

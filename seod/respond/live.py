@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from seod.client import Client
-    from seod.config.model import AxisConfig
+    from seod.config.axis import AxisConfig
     from seod.respond.design import Tones
 
 Kind = Literal["multisine", "sine"]

@@ -55,7 +55,7 @@ class Keeper:
         message = None if self.child is None else receive_json(self.child.link)
         if self.child is None or not message:
             return message != {}
-        if message.get("beside") == "failed":
+        if message.get(self.name) == "failed":
             self.child.failure = str(message["why"])
         for line in message.get("says", ()):  # type: ignore[attr-defined] # a list of sentences
             say(str(line))

@@ -13,7 +13,6 @@ import select
 import signal
 import sys
 import time
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from seod.processes import journal
 from seod.processes.handover import ChildArguments, die_with_parent, receive_json, send_json
 from seod.processes.realtime import lock_memory, set_fifo
 from seod.processes.ring import Shared, Word
+from seod.supervisor.arguments import SupervisorArguments
 from seod.supervisor.child import Child
 from seod.supervisor.keeper import Keeper, Way
 from seod.supervisor.say import say
@@ -35,41 +35,6 @@ BEAT_S = 0.02
 """Longest poll: the loop goes to neutral when no turn of ours came for `guard.SUPERVISOR_SILENT_S`."""
 START_TIMEOUT_S = 60.0
 WRITTEN = "neutral written"
-
-
-@dataclass(frozen=True)
-class SupervisorArguments:
-    """What `seod run` worked out from the rig file before it became the supervisor.
-
-    Attributes:
-        config_fd: memfd with the validated rig file as JSON.
-        config_path: Where it lies.
-        rig: Name of the rig.
-        axes: Number of axes.
-        rows: Length of the row ring.
-        priority: SCHED_FIFO priority of the loop.
-        hang_timeout: Silence of the loop that counts as a hang [s]; 0 on simulated time, where none does.
-        gateway_timeout: Silence of the gateway that counts as a hang [s].
-        duration: How long to run [s], or None.
-        record: File to record to, or None.
-        parent: Process whose end ends the daemon (`seod run --watch`), or None.
-        panel: Whether there is a panel.
-        fleet: Whether the rig is one of a fleet.
-    """
-
-    config_fd: int
-    config_path: str
-    rig: str
-    axes: int
-    rows: int
-    priority: int
-    hang_timeout: float
-    gateway_timeout: float
-    duration: float | None
-    record: str | None
-    parent: int | None
-    panel: bool = False
-    fleet: bool = False
 
 
 class Supervisor:
@@ -404,16 +369,6 @@ def install_signals(wake_fd: int) -> None:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)
-
-
-def become(arguments: SupervisorArguments) -> None:
-    """Replace this process by the supervisor; the process number stays the one that systemd knows.
-
-    All that validated the rig file (pydantic and more) is left behind.
-    """
-    os.set_inheritable(arguments.config_fd, True)
-    command = [sys.executable, "-m", "seod.supervisor", json.dumps(asdict(arguments))]
-    os.execv(sys.executable, command)  # noqa: S606 - our own module
 
 
 def main() -> int:

@@ -29,14 +29,14 @@ def reach(p: Record, s: Record, t: float, volts: float) -> None:
 
 @inlined
 def around(p: Record, s: Record, supply: float, warmth: float) -> None:
-    """Have these surroundings."""
+    """Have the supply at `supply` times the rig file's pressure, `warmth` [K] above nominal."""
     if supply != s.supply or warmth != s.warmth:
         surroundings(p, s, supply, warmth)
 
 
 @inlined
 def show(s: Record, inside: Array, k: int) -> None:
-    """Row `k` of what is inside."""
+    """Row `k` of what is inside: `INSIDE`, in the units of `motion.STATE`."""
     inside[k, 0], inside[k, 1], inside[k, 2] = s.pressure_a, s.pressure_b, s.pressure_s
     inside[k, 3], inside[k, 4], inside[k, 5] = s.velocity, s.position, s.spool
 
@@ -54,7 +54,20 @@ def follow(
     y: Array,
     inside: Array,
 ) -> None:
-    """Given commands `u` [V] at the times `t_u` [s]: what is measured at `t` [s], into `y`."""
+    """Given commands: what is measured, into `y`.
+
+    Args:
+        p: Plant.
+        s: Its state.
+        t_u: When commands leave [s], ascending, shape (m,).
+        u: Commands [V], shape (m,).
+        t: Times of samples [s], ascending, shape (n,).
+        noise: Of the sensor [unit, or unit/s], shape (n,) or (0,).
+        supply: Over the rig file's, likewise.
+        warmth: Temperature above nominal [K], likewise.
+        y: Filled [unit, or unit/s], shape (n,).
+        inside: `INSIDE`, filled, shape (n, 6) or (0, 6).
+    """
     given = 0
     for k in range(len(t)):
         around(p, s, supply[k] if len(supply) else s.supply, warmth[k] if len(warmth) else s.warmth)
@@ -69,13 +82,30 @@ def follow(
 
 @inlined
 def watched(r: Record, error: float, before: float, y: float, wish: float, tick: float) -> float:
-    """The error that the relay sees: of a position, or of a speed the integral."""
+    """The error that the relay sees: of a position, or of a speed the integral [unit].
+
+    Args:
+        r: `sim.runs.RELAY`.
+        error: At the last tick [unit].
+        before: Reading of the last tick [unit, or unit/s].
+        y: Reading of this one.
+        wish: Position or speed that is wanted.
+        tick: Time between both [s].
+    """
     return y - wish if r.velocity_mode == 0.0 else error + 0.5 * tick * (y + before) - wish * tick
 
 
 @inlined
 def cycle(side: float, t: float, switched: float, up: float, trim: float) -> tuple[float, float]:
-    """At a switch to `side`: length of the last upper half [s], and the part to move the bias by."""
+    """At a switch to `side`: length of the last upper half [s], and the part to move the bias by [1].
+
+    Args:
+        side: -1, 1: where the relay goes.
+        t: Now [s].
+        switched: When it last did [s].
+        up: Length of the last upper half [s]; 0: there was none.
+        trim: Part by which unequal halves move the bias.
+    """
     if side < 0.0:
         return t - switched, 0.0
     if up == 0.0:

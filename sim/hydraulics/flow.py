@@ -1,5 +1,7 @@
 """The physics of a hydraulic plant, as rates of change: orifices, oil, supply, load. Compiled.
 
+The equations are those of `docs/hydraulics.md`.
+
 Pressures are above atmosphere [Pa], flows in m^3/s, the spool's opening in the volts that it answers to.
 """
 
@@ -29,7 +31,10 @@ X, DX, PA, PB, W, Y, W2, Y2, PS, SEEN = range(10)
 
 @inlined
 def bulk_modulus(p: Record, pressure: float) -> float:
-    """Of oil with entrained air at a pressure [Pa]: oil and air as springs in series."""
+    """Of oil with entrained air [Pa] at a pressure [Pa]: oil and air as springs in series.
+
+    The air follows a polytropic law, its volume at atmosphere being a part of the oil's.
+    """
     if p.oil_air == 0.0:
         return p.oil_bulk_modulus
     absolute = max(pressure + ATMOSPHERE, LEAST_ABSOLUTE)
@@ -41,9 +46,17 @@ def bulk_modulus(p: Record, pressure: float) -> float:
 
 @inlined
 def near(p: Record, pressure: float, base: float, inverse: float, part: float) -> tuple[float, float]:
-    """`bulk_modulus` near an absolute pressure `base` [Pa], where `part` is air: numerator, denominator.
+    """`bulk_modulus` near an absolute pressure: a numerator and a denominator, whose ratio is in Pa.
 
-    The power of their ratio is taken by its Pade approximation: to 1e-5 within -30 and +40 %, else as it is.
+    The power of the pressures' ratio is taken by its Pade approximation: to 1e-5 within -30 and +40 %.
+    Farther off it is taken as it is.
+
+    Args:
+        p: Parameters.
+        pressure: Above atmosphere [Pa].
+        base: Absolute pressure about which it is expanded [Pa].
+        inverse: 1 over that [1/Pa].
+        part: Of the volume that is air there [1].
     """
     if part == 0.0:
         return p.oil_bulk_modulus, 1.0
@@ -72,7 +85,10 @@ def airy(p: Record, pressure: float, base: float, inverse: float, part: float) -
 
 @inlined
 def through(p: Record, drop: float) -> float:
-    """Signed root of a pressure drop [Pa^0.5]; below `valve.laminar` a cubic that meets it smoothly."""
+    """Signed root [Pa^0.5] of a pressure drop [Pa], as turbulent flow through an orifice goes.
+
+    Below `valve.laminar` a cubic that meets it in value and slope.
+    """
     if drop >= p.valve_laminar:
         return math.sqrt(drop)
     if drop <= -p.valve_laminar:
@@ -83,7 +99,7 @@ def through(p: Record, drop: float) -> float:
 
 @inlined
 def opening(p: Record, spool: float) -> float:
-    """Of the valve [V]: null and overlap taken away, ports unequal."""
+    """Of the valve [V] at a place of its spool [V]: null and overlap taken away, ports unequal."""
     from_null = spool - p.valve_null_bias
     if from_null > p.valve_overlap:
         return (from_null - p.valve_overlap) * (1.0 + p.valve_asymmetry)
@@ -94,7 +110,16 @@ def opening(p: Record, spool: float) -> float:
 
 @inlined
 def ports(p: Record, s: Record, spool: float, ps: float, pa: float, pb: float) -> tuple[float, float, float]:
-    """Flows into chamber a, into chamber b, and out of the supply [m^3/s]."""
+    """Flows into chamber a, into chamber b, and out of the supply [m^3/s].
+
+    Args:
+        p: Parameters.
+        s: State; its conductance counts.
+        spool: Where it is [V].
+        ps: Supply pressure [Pa].
+        pa: Of chamber a [Pa].
+        pb: Of chamber b [Pa].
+    """
     o, c, tank = opening(p, spool), p.clearance, p.supply_tank
     if c == 0.0:
         if o == 0.0:
@@ -113,7 +138,10 @@ def ports(p: Record, s: Record, spool: float, ps: float, pa: float, pb: float) -
 
 @inlined
 def stroke(p: Record, y: float) -> tuple[float, float]:
-    """Of a cylinder [m] from the middle of its way, and its change with the position [m/unit]."""
+    """Of a cylinder [m] from the middle of its way at a position `y` [unit], and its change [m/unit].
+
+    Behind a crank by the law of cosines.
+    """
     if p.cylinder_arm == 0.0:
         return y, 1.0
     angle, both = p.crank_angle + y, p.cylinder_base * p.cylinder_arm
@@ -134,7 +162,7 @@ def expand_stroke(p: Record, s: Record) -> None:
 
 @inlined
 def stroke_near(p: Record, s: Record, y: float) -> tuple[float, float]:
-    """`stroke`; close to where `expand_stroke` was asked by a Taylor series."""
+    """`stroke` at a position `y` [unit]; close to where `expand_stroke` was asked by a Taylor series."""
     if p.cylinder_arm == 0.0:
         return y, 1.0
     off = y - s.crank_at
@@ -146,7 +174,7 @@ def stroke_near(p: Record, s: Record, y: float) -> tuple[float, float]:
 
 @inlined
 def friction_level(p: Record, w: float) -> float:
-    """Dry friction at a speed, without its sign."""
+    """Dry friction at a speed `w` [unit/s], without its sign [N unit]."""
     if p.load_stribeck == 0.0:
         return p.load_coulomb
     ratio = w / p.load_stribeck_speed
@@ -155,7 +183,7 @@ def friction_level(p: Record, w: float) -> float:
 
 @inlined
 def set_pressure(p: Record, s: Record, t: float) -> float:
-    """Of a stiff supply at `t` [s], and of the relief valve without ripple."""
+    """Of a stiff supply at `t` [s], and of the relief valve without ripple [Pa]."""
     level = p.supply_pressure * s.supply
     if p.supply_droop == 0.0 and p.supply_ripple > 0.0:
         level *= 1.0 + p.supply_ripple * math.sin(p.supply_ripple_omega * (t - s.origin))
@@ -164,7 +192,11 @@ def set_pressure(p: Record, s: Record, t: float) -> float:
 
 @inlined
 def fed(p: Record, s: Record, t: float) -> float:
-    """What the supply has from outside: the pump's flow [m^3/s], or where it is stiff its pressure [Pa]."""
+    """What the supply has from outside at `t` [s].
+
+    Returns:
+        The pump's flow [m^3/s], or where the supply is stiff its pressure [Pa].
+    """
     if p.supply_droop == 0.0:
         return set_pressure(p, s, t)
     if p.supply_ripple == 0.0:
@@ -174,7 +206,7 @@ def fed(p: Record, s: Record, t: float) -> float:
 
 @inlined
 def shaken(p: Record, s: Record, t: float) -> float:
-    """A periodic force on the load, positive the way that it moves."""
+    """A periodic force on the load at `t` [s], positive the way that it moves [N unit]."""
     if p.load_shake == 0.0:
         return 0.0
     return p.load_shake * math.sin(p.load_shake_omega * (t - s.origin) + p.load_shake_phase)
@@ -182,7 +214,7 @@ def shaken(p: Record, s: Record, t: float) -> float:
 
 @inlined
 def force(p: Record, y: float) -> float:
-    """On the load against positive movement: weight and spring."""
+    """On the load at a position `y` [unit] against positive movement: weight and spring [N unit]."""
     if p.load_spring == 0.0:
         return p.load_force
     return p.load_force + p.load_spring * (y - p.load_spring_centre)
@@ -190,7 +222,7 @@ def force(p: Record, y: float) -> float:
 
 @inlined
 def encoded(p: Record, y: float) -> float:
-    """A position as an eccentric encoder, or the ripple of a converter, has it."""
+    """A position [unit] as an eccentric encoder, or the ripple of a converter, has it."""
     if p.position_ripple_amplitude == 0.0:
         return y
     return y + p.position_ripple_amplitude * math.sin(
@@ -200,7 +232,7 @@ def encoded(p: Record, y: float) -> float:
 
 @inlined
 def seen(p: Record, y: float, w: float) -> float:
-    """What the sensor sees before its lag [unit, or unit/s]."""
+    """What the sensor sees before its lag [unit, or unit/s]; `y` is the position [unit], `w` the speed."""
     if p.measures_speed == 0.0:
         return encoded(p, y)
     if p.position_ripple_amplitude == 0.0:
@@ -211,7 +243,14 @@ def seen(p: Record, y: float, w: float) -> float:
 
 @inlined
 def drive(p: Record, s: Record, z: tuple[float, ...], shake: float) -> float:
-    """Force that would accelerate the first inertia but for dry friction: pressures, load, second inertia."""
+    """Force that would accelerate the first inertia but for dry friction [N unit].
+
+    Args:
+        p: Parameters.
+        s: State, about which a crank is expanded.
+        z: Numbers that are integrated, by `X` to `SEEN`.
+        shake: `shaken` [N unit].
+    """
     return drive_by(p, z, shake, 1.0 if p.rotary != 0.0 else stroke_near(p, s, z[Y])[1])
 
 
@@ -235,7 +274,15 @@ def _pull(p: Record, z: tuple[float, ...]) -> float:
 def rates(p: Record, s: Record, z: tuple[float, ...], feed: float, shake: float) -> tuple[float, ...]:
     """Rates of change of `z`; a load that sticks or lies at a stop (`s.motion` 0) stays.
 
-    `feed` and `shake` are what `fed` and `shaken` tell of the instant.
+    Args:
+        p: Parameters.
+        s: State, for what stays the same within a step.
+        z: Numbers that are integrated, by `X` to `SEEN`: units as in `motion.STATE`.
+        feed: `fed` at this instant [m^3/s, or Pa].
+        shake: `shaken` at this instant [N unit].
+
+    Returns:
+        That of each, per second, in the same order.
     """
     dx = min(max(z[DX], -p.valve_rate), p.valve_rate)
     ddx = p.valve_omega * (p.valve_omega * (s.target - z[X]) - 2.0 * p.valve_zeta * dx)

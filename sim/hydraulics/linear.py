@@ -1,4 +1,7 @@
-"""Small signals of the physical plant: steady state, matrices, K_L, omega_n and zeta. Needs no numba."""
+"""Small signals of the physical plant: steady state, matrices, K_L, omega_n and zeta. Needs no numba.
+
+The equations are those of `docs/hydraulics.md`, in plain numbers; the tests hold them to the simulation.
+"""
 
 from __future__ import annotations
 
@@ -79,6 +82,9 @@ class Physics:
         position: Of the load [unit].
         supply: Supply pressure over the rig file's.
         warmth: Temperature above nominal [K].
+
+    Raises:
+        ValueError: The supply's pressure is not above the tank's.
     """
 
     def __init__(
@@ -107,7 +113,7 @@ class Physics:
         return K_L * 0.5 * (p["area_a"] + p["area_b"]) / math.sqrt(0.5 * (self.set - self.tank))
 
     def root(self, drop: float) -> tuple[float, float]:
-        """Signed square root of a pressure drop, laminar near zero, and its slope."""
+        """Signed square root of a pressure drop [Pa^0.5], laminar near zero, and its slope [Pa^-0.5]."""
         soft = self.p["valve_laminar"]
         if abs(drop) >= soft:
             return math.copysign(math.sqrt(abs(drop)), drop), 0.5 / math.sqrt(abs(drop))
@@ -115,14 +121,14 @@ class Physics:
         return math.sqrt(soft) * part * (1.25 - 0.25 * part**2), (1.25 - 0.75 * part**2) / math.sqrt(soft)
 
     def stiffness(self, pressure: float) -> float:
-        """Of oil with air [Pa]."""
+        """Bulk modulus [Pa] of oil with air at a pressure [Pa]."""
         E, air, n = self.p["oil_bulk_modulus"], self.p["oil_air"], self.p["oil_polytropic"]
         absolute = max(pressure + ATMOSPHERE, 1000.0)
         part = air * (ATMOSPHERE / absolute) ** (1.0 / n)
         return float(E * (1.0 + part) / (1.0 + part * E / (n * absolute)))
 
     def friction(self, speed: float) -> tuple[float, float]:
-        """Dry and viscous friction at a speed, and their slope."""
+        """Dry and viscous friction at a speed [unit/s]: [N unit], and its slope [N unit s/unit]."""
         p = self.p
         fallen = p["load_stribeck"] * math.exp(-((speed / p["load_stribeck_speed"]) ** 2))
         dry = math.copysign(p["load_coulomb"] + fallen, speed) if speed else 0.0
@@ -130,9 +136,18 @@ class Physics:
         return dry + p["load_viscous"] * speed, p["load_viscous"] + slope
 
     def ports(self, o: float, pa: float, pb: float, ps: float) -> tuple[Matrix, Matrix]:
-        """Flows into a, into b and out of the supply, and their slopes by opening, pa, pb, ps.
+        """Flows into a, into b and out of the supply [m^3/s], and their slopes.
 
         At opening 0 the slopes by it are those of a valve that opens forth.
+
+        Args:
+            o: Opening [V].
+            pa: Of chamber a [Pa].
+            pb: Of chamber b [Pa].
+            ps: Supply pressure [Pa].
+
+        Returns:
+            Flows, shape (3,), and slopes by `o`, `pa`, `pb` and `ps`, shape (3, 4).
         """
         k, c = self.conductance, self.p["clearance"]
         forth, back = k * (max(o, 0.0) + c), k * (max(-o, 0.0) + c)
@@ -235,7 +250,7 @@ class Physics:
 
 
 def lever(p: Mapping[str, float], position: float) -> tuple[float, float]:
-    """Of a cylinder's crank [m/unit], and its stroke there [m]; of a motor 1 and 0."""
+    """Of a cylinder's crank [m/unit] at a position [unit], and its stroke there [m]; of a motor 1 and 0."""
     if p["rotary"]:
         return 1.0, 0.0
     if not p["cylinder_arm"]:
@@ -247,7 +262,11 @@ def lever(p: Mapping[str, float], position: float) -> tuple[float, float]:
 
 
 def rest_pressures(record: npt.NDArray[np.void], position: float) -> tuple[float, float]:
-    """Of the chambers [Pa] in a plant that stands at `position`, as after slow movement."""
+    """Of the chambers [Pa] in a plant that stands at `position` [unit], as after slow movement.
+
+    Raises:
+        ValueError: The supply's pressure is not above the tank's.
+    """
     physics = Physics(record, position)
     try:
         steady = physics.steady(SLOW * physics.conductance * math.sqrt(physics.set) / physics.area_a)
@@ -264,7 +283,14 @@ def small_signal(
     supply: float = 1.0,
     warmth: float = 0.0,
 ) -> SmallSignal:
-    """Linearise about a steady speed [unit/s]; about 0, the mean of creeping forth and back.
+    """Linearise about a steady speed; about 0, the mean of creeping forth and back.
+
+    Args:
+        record: Shape (1,) of `RECORD`.
+        position: Of the load [unit].
+        speed: Of the load [unit/s].
+        supply: Supply pressure over the rig file's.
+        warmth: Temperature above nominal [K].
 
     Raises:
         ValueError: There is no such steady state.

@@ -133,7 +133,7 @@ def measured(p: Record, s: Record) -> float:
 
 @compiled
 def quantized(p: Record, value: float) -> float:
-    """A reading in whole counts of the sensor."""
+    """A reading [unit, or unit/s] in whole counts of the sensor."""
     step = p.sensor_quantization_step
     return value if step == 0.0 else step * math.floor(value / step + 0.5)
 
@@ -235,7 +235,17 @@ def _along(z: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 
 @compiled
 def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, ...]:
-    """One Runge-Kutta step of `h` [s] from `z`."""
+    """One Runge-Kutta step of fourth order, `h` [s] long.
+
+    Args:
+        p: Parameters.
+        s: State at its beginning.
+        z: The same as `flow.rates` takes it.
+        h: Length [s].
+
+    Returns:
+        `z` at its end.
+    """
     half = 0.5 * h
     middle, end = s.t + half, s.t + h
     feed, shake = fed(p, s, middle), shaken(p, s, middle)
@@ -260,7 +270,10 @@ def accept(p: Record, s: Record, z: tuple[float, ...], h: float) -> None:
 
 @compiled
 def event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
-    """Above 0 where the load has stopped, broken away, or met an end within the `h` [s] that ended in `z`."""
+    """Above 0 where the load has stopped, broken away, or met an end within the `h` [s] that ended in `z`.
+
+    Of a load that rests in N unit, of one that moves in unit/s or unit.
+    """
     if s.motion == 0.0:
         push = drive(p, s, z, shaken(p, s, s.t + h))
         return (abs(push) if s.stopped == 0.0 else -s.stopped * push) - friction_level(p, 0.0)
@@ -272,7 +285,15 @@ def event(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
 
 @compiled
 def locate(p: Record, s: Record, z: tuple[float, ...], h: float, at_high: float) -> float:
-    """Time just after the event within `h` [s]: secants, bisected where they stall."""
+    """Time just after the event within `h` [s]: secants, bisected where they stall.
+
+    Args:
+        p: Parameters.
+        s: State at the beginning.
+        z: The same as numbers that are integrated.
+        h: Length of the substep [s].
+        at_high: `event` at its end.
+    """
     low, high, at_low = 0.0, h, event(p, s, z, 0.0)
     for trial in range(MOST_TRIALS):
         if high - low <= SHARPNESS * h:

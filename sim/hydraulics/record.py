@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from sim.config import PlantConfig
     from sim.hydraulics.parts import Hydraulic
 
 DERIVED = (
@@ -61,6 +60,26 @@ ATMOSPHERE = 101325.0
 """[Pa]"""
 
 Values = dict[str, float]
+
+
+class Described(Protocol):
+    """What the record is made from; a plant of a rig file (`sim.config.PlantConfig`) is such."""
+
+    @property
+    def hydraulic(self) -> Hydraulic | None:
+        """Its parts; None: it is no physical plant."""
+
+    @property
+    def effects(self) -> Mapping[str, Mapping[str, float]]:
+        """Values by effect and parameter, as in `sim.effects`."""
+
+    @property
+    def stops(self) -> tuple[float, float] | None:
+        """End stops [unit]; None: there are none."""
+
+    @property
+    def measures_speed(self) -> bool:
+        """Whether its sensor sees speed."""
 
 
 def _times_inertia(name: str) -> Callable[[Values, float], None]:
@@ -135,8 +154,8 @@ def _places(effects: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, f
             yield from ((f"{name}.{of}", value) for of, value in parameters.items())
 
 
-def record_of(plant: PlantConfig) -> npt.NDArray[np.void]:
-    """The record for a plant of a rig file: shape (1,) of `RECORD`.
+def record_of(plant: Described) -> npt.NDArray[np.void]:
+    """The record for a physical plant: shape (1,) of `RECORD`.
 
     Raises:
         ValueError: It is no hydraulic plant, or an effect does not fit it.

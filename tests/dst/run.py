@@ -20,6 +20,7 @@ import seod.supervisor.process
 from seod.config.load import load_rig
 from seod.launch.daemon import ring_rows
 from seod.processes.handover import write_memfd
+from seod.supervisor.arguments import SupervisorArguments
 from tests.dst.bus import Rig
 from tests.dst.checks import Checks
 from tests.dst.clients import Client, Operator, Watcher
@@ -116,7 +117,7 @@ class Run:
         self.starts += 1
         fd = write_memfd("dst-config", config.model_dump_json().encode())
         self.system.os.mine.add(fd)
-        arguments = seod.supervisor.process.SupervisorArguments(
+        arguments = SupervisorArguments(
             config_fd=fd,
             config_path=str(RIGS[self.system.wire]),
             rig=config.rig,

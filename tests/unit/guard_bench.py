@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from drivers.base import Sample
-from seod.config.model import GuardConfig, LimitsConfig
+from seod.config.axis import LimitsConfig
+from seod.config.guard import GuardConfig
 from seod.loop.guard import AxisGuard
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from seod.processes.handover import receive_json, send_json
 from seod.processes.ring import Word
 from seod.supervisor import process as supervising
-from seod.supervisor.process import Supervisor, SupervisorArguments
+from seod.supervisor.arguments import SupervisorArguments
+from seod.supervisor.process import Supervisor
 
 if TYPE_CHECKING:
     import signal

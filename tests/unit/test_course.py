@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from seod.config.model import AxisConfig
+from seod.config.axis import AxisConfig
 from seod.loop.course import ACTIVE, Course, Push
 from seod.loop.excite import Coast, Drive, PolarityPulse, PolarityResult
 from seod.loop.guard import Trip

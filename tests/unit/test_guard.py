@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.base import NO_SAMPLE, Sample
-from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+from seod.config.axis import LimitsConfig
+from seod.config.guard import EstopConfig, GuardConfig
 from seod.loop import guard
 from seod.loop.motion import SpeedMeter
 

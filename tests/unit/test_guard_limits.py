@@ -10,7 +10,8 @@ import pytest
 from guard_bench import LIMITS, beyond, look, make, told
 
 from drivers.base import NO_SAMPLE, Sample
-from seod.config.model import EstopConfig, GuardConfig, LimitsConfig
+from seod.config.axis import LimitsConfig
+from seod.config.guard import EstopConfig, GuardConfig
 from seod.loop import guard
 
 if TYPE_CHECKING:

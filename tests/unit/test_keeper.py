@@ -56,8 +56,8 @@ def test_what_it_says_is_said(bench: Bench, capfd: pytest.CaptureFixture[str]) -
     (child,) = bench.children
     assert bench.keeper.child is child
     assert bench.keeper.hear(), "nothing was said, more may come"
-    child.says(beside="ready", says=["the panel is on port 8080", "no certificate: over plain HTTP"])
-    child.says(beside="ready")
+    child.says(panel="ready", says=["the panel is on port 8080", "no certificate: over plain HTTP"])
+    child.says(panel="ready")
     assert bench.keeper.hear()
     assert bench.keeper.hear()
     assert child.failure == ""
@@ -89,7 +89,7 @@ def test_one_that_ended_is_dropped_and_started_again(bench: Bench, capfd: pytest
 
 def test_one_that_cannot_do_its_work_is_left_alone(bench: Bench, capfd: pytest.CaptureFixture[str]) -> None:
     bench.keeper.start()
-    bench.children[0].says(beside="failed", why="port 8080 is taken")
+    bench.children[0].says(panel="failed", why="port 8080 is taken")
     bench.died()
     assert len(bench.children) == 1
     assert bench.dropped == bench.children

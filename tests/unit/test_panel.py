@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from seod.config.model import ServerConfig
+from seod.config.server import ServerConfig
 from seod.files.shipped import configs_dir
 from seod.panel.commander import Commander
 from seod.panel.files import replace_text, style_hashes, with_secrets

@@ -12,7 +12,8 @@ import pytest
 from fake_loop import peer, running
 from loop_bench import Bench
 
-from seod.config.model import METHODS, ServerConfig
+from seod.config.axis import METHODS
+from seod.config.server import ServerConfig
 from seod.estimate.base import QUALITIES
 from seod.gateway.connection import UNDER_WAY
 from seod.gateway.lobby import AUTHENTICATE_S

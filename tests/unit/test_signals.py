@@ -250,7 +250,7 @@ def test_without_its_enable_signal_the_simulated_rig_stands_still_and_the_fault_
 
 
 def test_an_enable_signal_of_two_axes_falls_with_a_fault_of_either() -> None:
-    from seod.config.model import EnableConfig
+    from seod.config.outputs import EnableConfig
     from seod.loop.signals import Enable
 
     class Course:
@@ -342,7 +342,7 @@ def test_any_e_stop_line_stops_the_rig_and_each_open_one_is_named(bench: Callabl
 
 
 def test_a_silent_e_stop_line_tells_its_age_and_the_key() -> None:
-    from seod.config.model import EstopConfig
+    from seod.config.guard import EstopConfig
     from seod.loop import guard
 
     lines = [

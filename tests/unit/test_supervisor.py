@@ -16,7 +16,7 @@ from drivers.neutral import NoNeutral
 from seod.processes import journal
 from seod.processes.ring import Word
 from seod.supervisor import process as supervising
-from seod.supervisor.process import SupervisorArguments
+from seod.supervisor.arguments import SupervisorArguments, become
 from tests.unit.supervisor_bench import Bench, FakeChild
 
 if TYPE_CHECKING:
@@ -798,9 +798,9 @@ ARGUMENTS = SupervisorArguments(3, "rig.yaml", "press", 1, 64, 50, 0.05, 1.0, No
 
 def test_the_command_becomes_the_supervisor(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[object, ...]] = []
-    monkeypatch.setattr(supervising.os, "set_inheritable", lambda *given: asked.append(given))
-    monkeypatch.setattr(supervising.os, "execv", lambda *given: asked.append(given))
-    supervising.become(ARGUMENTS)
+    monkeypatch.setattr(os, "set_inheritable", lambda *given: asked.append(given))
+    monkeypatch.setattr(os, "execv", lambda *given: asked.append(given))
+    become(ARGUMENTS)
     inherited, (program, command) = asked
     assert inherited == (3, True)
     assert program == sys.executable

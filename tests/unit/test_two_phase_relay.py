@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from seod.config.model import LimitsConfig
+from seod.config.axis import LimitsConfig
 from seod.loop.two_phase import SecondPhase, TwoPhaseRelay, TwoPhases
 
 LATE = {"late": 0.25, "cycles": 2, "period": 1.0, "e_a": 0.5, "swing": 0.3}

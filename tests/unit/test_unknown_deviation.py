@@ -8,7 +8,7 @@ import pytest
 from fake_loop import rig_config
 from pydantic import ValidationError
 
-from seod.config.model import EstimatorConfig
+from seod.config.axis import EstimatorConfig
 from seod.estimate import make_estimator
 from seod.observe.estimation import Axis
 

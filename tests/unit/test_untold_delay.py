@@ -10,7 +10,7 @@ from fake_loop import rig_config
 from relay_truth import E_A, K_L, PLANTS, TICK, Loop, rows, settings
 
 from drivers.base import StampError
-from seod.config.model import EstimatorConfig
+from seod.config.axis import EstimatorConfig
 from seod.estimate import make_estimator
 from seod.estimate.advice import of_estimate
 from seod.estimate.base import Estimate, Row

@@ -25,7 +25,13 @@ BASE: Final = ("K_L", "omega_n", "zeta")
 
 
 def base(sign: float, scales: Scales, gain: float | None = None) -> tuple[Coordinate, ...]:
-    """K_L, which has this sign or is the `gain` that is known, omega_n and zeta."""
+    """Coordinates of K_L, omega_n and zeta, in this order.
+
+    Args:
+        sign: Of K_L: -1 or 1.
+        scales: Sizes of the recordings.
+        gain: K_L where it is known [unit/s/V]; None: it is searched.
+    """
     fastest = (FASTEST_UNDER_RELAY if scales.relayed else FASTEST_PLANT) / scales.tick_s
     slowest = min(scales.slowest, LEAST_RANGE * fastest)
     known = None if gain is None else Coordinate("K_L", math.copysign(1.0, gain), abs(gain), abs(gain))

@@ -23,12 +23,18 @@ AIR: Final = (0.05, 0.5)
 
 
 def full_pressure(values: Values, scales: Scales) -> float:
-    """What the largest command's flow is worth as a constant load [unit/s^2], by the plant's own leakage."""
+    """What the largest command's flow is worth as a constant load [unit/s^2], by the plant's own leakage.
+
+    The inverse of `null_of_load`, times that command.
+    """
     return values["omega_n"] * values["K_L"] * scales.volts / (2.0 * values["zeta"])
 
 
 def null_of_load(values: Values) -> float:
-    """Volts of null shift that are, while the flow is straight, a load of 1 unit/s^2."""
+    """Null shift that is, while the flow is straight, a constant load of 1 unit/s^2 [V s^2/unit].
+
+    A constant load f needs the opening 2 zeta f / (omega_n K_L): `docs/model.md`, Equations.
+    """
     return 2.0 * values["zeta"] / (values["omega_n"] * values["K_L"])
 
 

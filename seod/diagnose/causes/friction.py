@@ -62,7 +62,13 @@ STEEPEST_FALL: Final = 1.001 / STEEPEST_SIMULATED
 
 
 def lugre_values(level: float, half: float, share: float = 1.0) -> Values:
-    """That bear a friction, of a load that moves so far either way."""
+    """Stiffness [1/s^2] and damping [1/s] of bristles, by place, that bear a friction.
+
+    Args:
+        level: Of the friction [unit/s^2].
+        half: How far the load moves either way [unit].
+        share: What the bristles give way by, over `LUGRE_GIVES` times `half`.
+    """
     stiff = min(level / (share * LUGRE_GIVES * half), STIFFEST * level)
     return {
         "lugre_friction.stiffness": stiff,

@@ -41,7 +41,11 @@ plant's own, where it splits its resonance; chosen."""
 
 
 def null_for(load: Callable[[Values], float]) -> Alike:
-    """A valve's null in place of a constant load: they differ where the flow bends, which is at the null."""
+    """A valve's null in place of a constant load: they differ where the flow bends, which is at the null.
+
+    Args:
+        load: The constant load [unit/s^2] from the values of a set.
+    """
     return Alike(
         "null_shift",
         lambda v, _: {"null_shift.voltage": load(v) * null_of_load(v)},

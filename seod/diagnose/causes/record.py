@@ -40,37 +40,37 @@ class Coordinate:
     logarithm: bool = True
 
     def value(self, x: float) -> float:
-        """The parameter at the searched number."""
+        """The parameter, in its own unit, at the searched number."""
         if self.logarithm:
             return self.scale * min(max(math.exp(x), self.low), self.high)
         return min(max(self.scale * x, self.low), self.high)
 
     def searched(self, value: float) -> float:
-        """The searched number of a parameter, within its bounds."""
+        """The searched number of a parameter in its own unit, within its bounds."""
         if self.logarithm:
             return math.log(min(max(value / self.scale, self.low), self.high))
         return min(max(value, self.low), self.high) / self.scale
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of the searched number."""
+        """Lowest and highest searched number."""
         if self.logarithm:
             return math.log(self.low), math.log(self.high)
         return self.low / self.scale, self.high / self.scale
 
 
 def sized(name: str, low: float, high: float) -> Coordinate:
-    """A parameter of one sign whose logarithm is searched."""
+    """A parameter of one sign, within `low` and `high` in its own unit, whose logarithm is searched."""
     return Coordinate(name, 1.0, low, high)
 
 
 def linear(name: str, scale: float, low: float, high: float) -> Coordinate:
-    """A parameter that acts in proportion."""
+    """A parameter that acts in proportion: searched over `scale`, from `low` to `high`, in its own unit."""
     return Coordinate(name, scale, low, high, logarithm=False)
 
 
 def signed(name: str, scale: float, limit: float) -> Coordinate:
-    """A parameter that acts in proportion, of either sign."""
+    """A parameter that acts in proportion, of either sign and up to `limit`, searched over `scale`."""
     return linear(name, scale, -limit, limit)
 
 
@@ -99,7 +99,15 @@ class Wave:
     def coordinates(
         self, name: str, scale: float, narrow: float, low: float, high: float
     ) -> tuple[Coordinate, ...]:
-        """`narrow` is a change of the wave's number by which its far end hardly moves."""
+        """Its cosine part, its sine part, and its number, in this order.
+
+        Args:
+            name: Of the cause.
+            scale: Size of an amplitude, in the parameter's own unit.
+            narrow: Change of the wave's number by which its far end hardly moves [rad/s, or rad/unit].
+            low: Least number [likewise].
+            high: Largest.
+        """
         largest = next(each.high for each in EFFECTS[name].parameters if each.name == "amplitude")
         limit = LARGEST_WAVE_PART * largest
         parts = signed("cosine", scale, limit), signed("sine", scale, limit)
@@ -116,13 +124,13 @@ class Plain:
             this one acts only beside it, and both are in a set.
         grows: Parameters of this one, and K_L where that changes too, to begin with where the simpler one is
             found; None: it is not tried so.
-        beside: Whether both in a set do more than this one alone.
+        adds: Whether the simpler one does something more in a set that has this one.
     """
 
     name: str
     becomes: Callable[[Values, Scales], Values] | None
     grows: Callable[[Values, Scales], Values] | None = None
-    beside: bool = True
+    adds: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +142,7 @@ class Alike:
         same: The other's parameters at which it does, from those of a set with this one.
         always: Or only where the recordings have two commands and no more.
         beside: Causes of which one must be in the set: without any both are the same, and it is not asked.
-            None: it always is.
+            Empty: it always is.
     """
 
     name: str

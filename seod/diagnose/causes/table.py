@@ -60,12 +60,16 @@ MIRRORED: Final = frozenset(f"{name}.{of}" for name, one in CAUSES.items() for o
 
 
 def group(name: str, scales: Scales) -> Group:
-    """What is searched for a cause of this name; a wave begins without its number."""
+    """What is searched for a cause of this name; a wave begins without its number.
+
+    Raises:
+        KeyError: There is no such cause.
+    """
     return CAUSES[name].group(scales)
 
 
 def wave_of(name: str) -> Wave:
-    """How a cause that is a wave repeats."""
+    """How a cause that is a wave repeats; to be asked of waves alone."""
     wave = CAUSES[name].wave
     assert wave is not None  # noqa: S101 - asked of waves alone
     return wave
@@ -94,7 +98,7 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
 
 def _contains(name: str, other: str) -> bool:
     """Whether a cause does all that the other does."""
-    return any(each.name == other and not each.beside for each in CAUSES[name].plain)
+    return any(each.name == other and not each.adds for each in CAUSES[name].plain)
 
 
 def plain_forms(names: Collection[str]) -> set[frozenset[str]]:
@@ -104,7 +108,14 @@ def plain_forms(names: Collection[str]) -> set[frozenset[str]]:
 
 
 def grown(name: str, plain: str, values: Values, scales: Scales) -> Values:
-    """Parameters of a richer form to begin with, from those of a set that has this plain one."""
+    """Parameters of a richer form to begin with, from those of a set that has its plain one.
+
+    Args:
+        name: The richer cause.
+        plain: Its plain form, one of `RICHER`.
+        values: Of the set that has that one, by place.
+        scales: Sizes of the recordings.
+    """
     (grows,) = (each.grows for each in CAUSES[name].plain if each.name == plain and each.grows is not None)
     return grows(values, scales)
 
@@ -128,28 +139,47 @@ def alike_under_relay() -> Iterator[tuple[str, str]]:
 
 
 def grid_of(name: str) -> Grid:
-    """How a cause of the relay's grid is tried there."""
+    """How a cause is tried in the relay's grid; to be asked of causes of the grid alone."""
     grid = CAUSES[name].grid
     assert grid is not None  # noqa: S101 - asked of causes of the grid alone
     return grid
 
 
 def settled_from(name: str, sizes: Values, half: float) -> Values:
-    """Parameters of a cause of `SETTLED`, of a plant with its plain form that moves so far either way."""
+    """Parameters of a cause of `SETTLED`, by place, from a plant with its plain form.
+
+    Args:
+        name: The cause.
+        sizes: That plant's effects, by place.
+        half: How far it moves either way without effects [unit].
+    """
     begins = grid_of(name).begins
     assert begins is not None  # noqa: S101 - asked of `SETTLED` alone
     return begins(sizes, half)
 
 
 def sized_by_shares(name: str, shares: Values, sizes: Values, cycle: Cycle) -> Values:
-    """Parameters of a cause of the grid, the sizes of those before it being known."""
+    """Parameters of a cause of the grid, by place.
+
+    Args:
+        name: The cause.
+        shares: Of the limit cycle, by place [1].
+        sizes: Parameters of the causes before it, by place.
+        cycle: That of Eq. 1.
+    """
     made = grid_of(name).sizes
     assert made is not None  # noqa: S101 - asked of causes that have shares
     return made(shares, sizes, cycle)
 
 
 def ramped_by(name: str, lasts: float, height: float) -> Values:
-    """Parameters of a cause of `RAMPED`, from how long a ramp over so many volts lasts [s]."""
+    """Parameters of a cause of `RAMPED`, by place.
+
+    Args:
+        name: The cause.
+        lasts: How long a ramp from one command to the other lasts [s].
+        height: How far these are apart [V].
+    """
     ramps = grid_of(name).ramps
     assert ramps is not None  # noqa: S101 - asked of `RAMPED` alone
     return ramps(lasts, height)
@@ -187,6 +217,6 @@ def bare(names: Collection[str]) -> bool:
 
 
 def begun_from(values: Values, start: Values) -> Values:
-    """A parent's parameters with those of a start, and its factors."""
+    """A parent's parameters, by place, times the factors of a start; its own values replace them."""
     factors = {place: start.get(f"*{place}", 1.0) for place in values}
     return {place: value * factors[place] for place, value in values.items()} | start

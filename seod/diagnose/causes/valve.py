@@ -65,7 +65,7 @@ def _load_of_null(values: Values, _: Scales) -> Values:
 
 
 def lag_starts(*radians: float) -> Callable[[Scales], tuple[tuple[float, ...], ...]]:
-    """Times of so many radians of the plant's own frequency."""
+    """Starts of a time [s]: of so many radians of the plant's own frequency each."""
     return lambda s: tuple((min(x * (1.0 / s.omega_n), LONGEST_START * longest(s)),) for x in radians)
 
 
@@ -80,7 +80,12 @@ def shortest_lag(s: Scales) -> float:
 
 
 def same_time(own: str, *others: str) -> tuple[Alike, ...]:
-    """Other causes that delay, alike at the same time; at two commands and no more also a limited speed."""
+    """Other causes that delay, alike at the same time; at two commands and no more also a limited speed.
+
+    Args:
+        own: Name of this one.
+        others: Names of those.
+    """
 
     def alike(other: str) -> Alike:
         return Alike(other, lambda values, _: {f"{other}.time": values[f"{own}.time"]})
@@ -94,7 +99,7 @@ def same_time(own: str, *others: str) -> tuple[Alike, ...]:
 
 
 def same_delay(*others: str) -> tuple[Alike, ...]:
-    """Causes that delay as long as the middle of a ramp from one of two commands to the other."""
+    """Causes, by name, that delay as long as the middle of a ramp from one of two commands to the other."""
 
     def alike(other: str) -> Alike:
         time = f"{other}.time"

@@ -12,7 +12,8 @@ from seod.config.tokens import RIGHTS
 
 if TYPE_CHECKING:
     from seod.config.errors import KeyPath
-    from seod.config.model import RigConfig, ServerConfig
+    from seod.config.model import RigConfig
+    from seod.config.server import ServerConfig
 
 
 def moved(text: str, config: RigConfig, source: Path, folder: Path) -> str:

@@ -110,10 +110,10 @@ class Model:
         """The same beside a constant load that grows with time."""
         if OFFSET_DRIFT_PLACE in (each.place for each in self.coordinates):
             return self
-        beside = self if OFFSET in self.names else self.with_effect(OFFSET)
-        size = next(each.scale for each in beside.coordinates if each.place == OFFSET_PLACE)
+        loaded = self if OFFSET in self.names else self.with_effect(OFFSET)
+        size = next(each.scale for each in loaded.coordinates if each.place == OFFSET_PLACE)
         drift = signed(OFFSET_DRIFT_PLACE, size / self.scales.span_s, FAR)
-        return replace(beside, coordinates=(*beside.coordinates, drift))
+        return replace(loaded, coordinates=(*loaded.coordinates, drift))
 
     def turned(self, K_L: float) -> Model:
         """The same for a plant whose gain has the sign of this one."""

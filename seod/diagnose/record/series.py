@@ -114,26 +114,25 @@ def series(
     taken: Array | None = None,
     hold: Hold = "zero",
 ) -> Series:
-    """A recording prepared; rows that are `bad` do not count.
+    """A recording prepared.
 
-    `hold` tells whether a command holds until the next or runs straight on to it.
-
-    `step` is a coarse sensor's, `late` the mean squared error of samples taken at other times than told;
-    `taken` tells when a sensor that repeats its readings took them [s].
+    Args:
+        recording: Columns of shape (n,).
+        bad: Rows that do not count, shape (n,); None: all do.
+        sees_speed: `y` is a speed.
+        step: Of a coarse sensor [unit of y]; 0: it is not.
+        late: Mean squared error of samples that were taken at other times than told [unit^2 of y].
+        nominal_ps: Supply pressure that counts as 1 [that of the column]; None: its median.
+        nominal_temperature: Temperature that counts as 0 [K or deg C, as the column]; None: its mean.
+        nominal_f: Disturbance that counts as 0 [that of the column]; None: its mean.
+        taken: When a sensor that repeats its readings took them [s], shape (n,); None: it does not.
+        hold: Whether a command holds until the next or runs straight on to it.
 
     Raises:
         DiagnoseError: It has no command, too few samples, or one that never changes.
     """
-    name = recording.paths[0]
     u, good = _held(recording.u), np.isfinite(recording.y)
-    if not np.isfinite(u).any():
-        raise DiagnoseError(f"{name}: has no command u: name its column by --columns u=...")
-    if np.count_nonzero(good) < SERIES.least_samples:
-        message = f"has {np.count_nonzero(good)} samples of y; a diagnosis needs {SERIES.least_samples}"
-        raise DiagnoseError(f"{name}: {message}")
-    for what, values in (("command u", u), ("signal y", recording.y[good])):
-        if np.ptp(values) == 0.0:
-            raise DiagnoseError(f"{name}: the {what} never changes: it tells nothing of the plant")
+    _check(str(recording.paths[0]), u, recording.y[good])
     if bad is not None:
         good &= ~bad
     t, y = recording.t, np.where(good, recording.y, 0.0)
@@ -171,6 +170,17 @@ def series(
         drive=(t_u, u) if hold == "zero" else straight_on(t_u, u),
         held=taken is not None,
     )
+
+
+def _check(name: str, u: Array, y: Array) -> None:
+    """Commands and samples must be there, and change."""
+    if not np.isfinite(u).any():
+        raise DiagnoseError(f"{name}: has no command u: name its column by --columns u=...")
+    if len(y) < SERIES.least_samples:
+        raise DiagnoseError(f"{name}: has {len(y)} samples of y; a diagnosis needs {SERIES.least_samples}")
+    for what, values in (("command u", u), ("signal y", y)):
+        if np.ptp(values) == 0.0:
+            raise DiagnoseError(f"{name}: the {what} never changes: it tells nothing of the plant")
 
 
 def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:

@@ -90,8 +90,8 @@ class Chart:
         axes.set_title("\n".join(lines), pad=4.0 + _LINE * rows, fontweight="bold")
         if rows:
             across = -(-self._labelled() // rows)
-            beside: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
-            axes.legend(ncols=across, handlelength=1.6, columnspacing=1.2, labelspacing=0.2, **beside)
+            above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
+            axes.legend(ncols=across, handlelength=1.6, columnspacing=1.2, labelspacing=0.2, **above)
 
     def svg(self) -> str:
         """The picture for a page."""

@@ -128,12 +128,12 @@ def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fi
     ):
         return []
     others, found = frozenset(fitted.model.names) - {name}, []
-    for beside in dict.fromkeys((frozenset[str](), others)):
-        sets = [one for names, one in tried.items() if beside < names and len(names) == len(beside) + 1]
-        known = [tried[beside].cost] if beside in tried else []
+    for base in dict.fromkeys((frozenset[str](), others)):
+        sets = [one for names, one in tried.items() if base < names and len(names) == len(base) + 1]
+        known = [tried[base].cost] if base in tried else []
         enough = max([*known, *(one.cost for one in sets)], default=0.0) - least_gain(fitted.cut)
         gaining = sorted((one for one in sets if one.cost < enough), key=lambda one: one.cost)
-        found += [next(iter(set(one.model.names) - beside)) for one in gaining]
+        found += [next(iter(set(one.model.names) - base)) for one in gaining]
     return [each for each in dict.fromkeys(found) if each not in fitted.model.names]
 
 

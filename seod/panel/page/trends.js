@@ -17,7 +17,7 @@ export class Trends {
     this.plots = ["zeta", "omega_n", "K_L"].map((name) => this.plot(name));
     const place = make("div", {});
     at("trend-plots").append(place);
-    this.beside = new Plot(place, 170, () => ({
+    this.conditions = new Plot(place, 170, () => ({
       scales: { x: { time: false } }, axes: axes(["t [s]", "supply pressure [MPa]", "temperature [K]"]), legend: { show: true },
       series: [{ label: "t", value: (_, v) => figure(v) },
         { label: "supply pressure [MPa]", scale: "supply pressure [MPa]", stroke: colour("u"), width: 1.5, value: (_, v) => figure(v) },
@@ -73,8 +73,8 @@ export class Trends {
       plot.show([time, value, edge(-1), edge(1)]);
     }
     const pressure = pick("ps", 1e-6), temperature = pick("temperature");
-    this.beside.place.hidden = ![...pressure, ...temperature].some((each) => each !== null);
-    if (!this.beside.place.hidden) this.beside.show([time, pressure, temperature]);
+    this.conditions.place.hidden = ![...pressure, ...temperature].some((each) => each !== null);
+    if (!this.conditions.place.hidden) this.conditions.show([time, pressure, temperature]);
   }
 
   // Quality as colour along the upper edge.
