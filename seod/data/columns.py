@@ -45,6 +45,7 @@ class Found:
         column: The column as it is in the file.
         unit: Of the values that `si` makes: the SI base unit, or the file's own where that is not known.
         has_unit: The file, or the user, tells the unit; else it is the default.
+        read_in: The unit in which the values are read; as `unit` where it is none that we know.
     """
 
     group: Group
@@ -53,6 +54,7 @@ class Found:
     zero: float
     unit: str
     has_unit: bool = True
+    read_in: str = ""
 
     def si(self, values: Floats) -> Floats:
         """Values of the file in `unit`; bit for bit as they are where nothing is to be changed."""
@@ -210,10 +212,10 @@ def _in_si(path: Path, role: str, group: Group, column: Column, given: str | Non
             raise ReadError(
                 f"{where}: unit {unit!r} is not known; {suggest(unit, _right(dimensions), 'units')}"
             )
-        return Found(group, column, 1.0, 0.0, unit)
+        return Found(group, column, 1.0, 0.0, unit, read_in=unit)
     if dimensions and KNOWN[unit][0] not in dimensions:
         raise ReadError(f"{where}: {role} cannot be in {unit}; {suggest(unit, _right(dimensions), 'units')}")
-    return Found(group, column, *to_base(unit), has_unit=bool(given or column.unit))
+    return Found(group, column, *to_base(unit), has_unit=bool(given or column.unit), read_in=unit)
 
 
 def _right(dimensions: Sequence[str]) -> list[str]:
