@@ -227,7 +227,7 @@ def _recording(
         rows=rows[found["t"].group.name],
         names={role: each.column.name for role, each in found.items()},
         units={role: each.unit for role, each in found.items()},
-        read_in={role: each.read_in for role, each in found.items()},
+        read_in={role: each.read_in if each.has_unit else "" for role, each in found.items()},
         problems=tuple(problems),
     )
 
