@@ -20,6 +20,7 @@ from seod.diagnose.record.column_checks import (
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.fourth_differences import slopes
 from seod.diagnose.record.sensor_step import counts
+from seod.diagnose.record.timing_jitter import _line
 from sim.defects import jittered, missing_samples, outliers
 
 NOISE = 0.01
@@ -155,6 +156,13 @@ def test_a_quick_signal_with_little_noise_has_no_jitter():
     burst = np.maximum(np.sin(2.0 * T), 0.0) ** 2 * np.sin(400.0 * T)
     found = examine(recording(burst + 0.1 * noisy()))
     assert "timing_jitter" not in [each.name for each in found.found]
+
+
+def test_of_differences_most_of_which_are_none_no_line_is_made():
+    """Of readings that stand still in most rows, and jump."""
+    steepness = np.linspace(0.0, 50.0, 1000)
+    level, growth, _ = _line(steepness, np.where(np.arange(1000) % 3, 0.0, 1e-9 * steepness))
+    assert (level, growth) == (0.0, 0.0)
 
 
 def test_true_times_that_are_uneven_are_no_jitter():
