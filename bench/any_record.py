@@ -164,7 +164,8 @@ def record(number: int) -> str:
     if random.random() < 0.1:
         u = missing(random, u)
     u = u * 10.0 ** random.uniform(-4.0, 5.0)
-    y = y * 10.0 ** random.uniform(-9.0, 9.0) / (np.nanstd(y) if np.nanstd(y) > 0.0 else 1.0)
+    size = np.std(y[np.isfinite(y)]) if np.isfinite(y).any() else 0.0
+    y = y * 10.0 ** random.uniform(-9.0, 9.0) / (size if size > 0.0 else 1.0)
     rows = "\n".join(f"{a:.9f},{b:.9g},{c:.9g}" for a, b, c in zip(t, u, y, strict=True))
     return f"t,u,y\n{rows}\n"
 

@@ -122,6 +122,8 @@ def tables(lines: list[dict]) -> None:
     table("by noise", lines, lambda each: each["noise_part"])
     if any(each.get("rough") for each in lines):
         table("by the noise's colour", lines, lambda each: each["rough"]["colour"])
+        table("by the command's sampler", lines, lambda each: each["rough"].get("sampler", "none"))
+        table("with a hum of the mains", lines, lambda each: each["rough"].get("mains", 0.0) > 0.0)
     table("off the list", [e for e in lines if e["kind"] == "unlisted"], lambda each: each["causes"][0])
     alarms = [each for each in lines if each["kind"] == "clean" and each["named"]]
     print(f"\nfalse alarms on clean records: {len(alarms)}")

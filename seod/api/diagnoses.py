@@ -13,6 +13,7 @@ from seod.api.progress import teller
 from seod.api.rig_file import RigFile, rig_of
 from seod.diagnose.command import Options, command_line, found, unit_of
 from seod.diagnose.command import part_of as told_part
+from seod.diagnose.report.as_read import as_read
 from seod.diagnose.report.files import RIG, Rig, extended_rig, facts, write
 from seod.diagnose.report.page import page
 from seod.diagnose.report.text import as_text
@@ -41,7 +42,7 @@ class Diagnosis(Answer):
 
     Attributes:
         found: All that was found.
-        unit: Of y.
+        unit: Of y in all numbers: SI where the data tell theirs. Sentences and pictures have theirs.
         recordings: What it is of.
         holdout: Recordings that no fit has seen.
         rig: Whose model is the baseline; None: Eq. 1.
@@ -100,7 +101,7 @@ class Diagnosis(Answer):
 
     def summary(self) -> str:
         """Verdict, figures before and after, causes, and what else there is to say."""
-        return as_text(self.found, self.unit)
+        return as_text(*self._as_read())
 
     def to_dict(self) -> dict[str, Any]:
         """As `seod diagnose --json` prints it."""
@@ -125,7 +126,7 @@ class Diagnosis(Answer):
         """A held-out window where the baseline is at its worst: measured, simulated, and the errors."""
         from seod.diagnose.report.over_time import draw  # noqa: PLC0415 - matplotlib
 
-        return draw(self.found, self.unit)
+        return draw(*self._as_read())
 
     @property
     def drawable(self) -> bool:
@@ -136,7 +137,7 @@ class Diagnosis(Answer):
         """The report: one page with all pictures in it."""
         every = (*self.recordings, *self.holdout)
         sources = [path.name for each in every for path in each.paths]
-        return page(self.found, self.unit, sources, facts(every, self.command()))
+        return page(*self._as_read(), sources, facts(every, self.command()))
 
     def command(self, out: Path | None = None) -> str:
         """By which the same can be asked on the command line; "" for data in memory."""
@@ -164,6 +165,9 @@ class Diagnosis(Answer):
         every = [*self.recordings, *self.holdout]
         folder, told = Path(out), self.to_dict()
         return write(folder, self.found, self.unit, every, self._rig(), self.command(folder), told)
+
+    def _as_read(self) -> tuple[Found, str]:
+        return as_read(self.found, self.recordings[0], self.unit)
 
     def _rig(self) -> Rig | None:
         if self.rig is None or self.axis is None:

@@ -21,6 +21,12 @@ GAP = 1.5
 """An interval longer than so many usual ones is a gap."""
 SLOW_S = 1.0
 """Steps from which on times without a unit may be in ms or us: few rigs are sampled so slowly [s]."""
+QUICK_S = 0.02
+"""Shorter steps than that are in s: in ms they would be of more than 50 kHz [s]."""
+LONG_S = 3000.0
+"""Recordings in steps between both that are longer may be in ms: 50 min are seldom, 3 s are not [s]."""
+_ROUNDED = 0.999
+"""Part of such a step that a file's digits leave."""
 _FEW_ROWS = 30
 """Rows from which on that is asked."""
 UNEVEN = 0.05
@@ -34,11 +40,13 @@ _SAID = {
 }
 
 
-def _question(usual: float) -> str:
-    """Whether times of so slow a rate may be in another unit."""
+def _question(usual: float, count: int) -> str:
+    """Whether so many times of so slow a rate may be in another unit."""
+    hours = usual * count / 3600.0
     return (
-        f"has no unit, and its usual step of {usual:g} is {1.0 / usual:.3g} Hz in s, as which it is taken: "
-        f"`--units t=ms` says ms ({1e3 / usual:.4g} Hz), `--units t=us` us ({1e6 / usual:.4g} Hz)"
+        f"has no unit, and its usual step of {usual:g} is {1.0 / usual:.3g} Hz for {hours:.2g} h in s, "
+        f"as which it is taken: `--units t=ms` says ms ({1e3 / usual:.4g} Hz), `--units t=us` us "
+        f"({1e6 / usual:.4g} Hz)"
     )
 
 
@@ -97,6 +105,12 @@ class Clock:
         """How many there are."""
         return sum(map(len, self._gaps))
 
+    @property
+    def _may_be_ms(self) -> bool:
+        """Whether times in s would be of a rate, or of a length, that is seldom."""
+        slow = SLOW_S if self.usual * self.count < LONG_S else QUICK_S
+        return self.usual >= _ROUNDED * slow and self.count >= _FEW_ROWS
+
     def problems(self) -> Iterator[Problem]:
         """What is wrong, all in all."""
         for kind, found in self._bad.items():
@@ -109,8 +123,8 @@ class Clock:
                 f"{len(gaps)} gaps, the longest of {self.longest:g} s; {self._lost:g} s are missing in all"
             )
             yield self._problem("gap", gaps, message)
-        if not self._has_unit and self.usual >= SLOW_S and self.count >= _FEW_ROWS:
-            yield self._problem("unit", np.array([], np.int64), _question(self.usual))
+        if not self._has_unit and self._may_be_ms:
+            yield self._problem("unit", np.array([], np.int64), _question(self.usual, self.count))
         scatter = math.sqrt(self._scatter / self._even) if self._even else 0.0
         if scatter > UNEVEN:
             message = f"is sampled unevenly: intervals of {self.usual:g} s scatter by {100 * scatter:.2g} %"

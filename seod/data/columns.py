@@ -32,8 +32,12 @@ ROLES: Final = {
 TIMES: Final = {"u": "t_u", "ps": "t_ps", "temperature": "t_temperature", "f": "t_f"}
 """What comes at times of its own where its group is not that of `y`, and what these times are called."""
 
-_UNIT_IN_NAME: Final = re.compile(r".*[_ .](?P<unit>ms|us|ns)|(?P<word>millis|micros)")
-"""Names of times that tell their unit."""
+_UNIT_IN_NAME: Final = re.compile(
+    r"(?:.*[_ .-])?(?:(?P<ms>ms|msecs?|millis|milliseconds?)|(?P<us>us|µs|μs|usecs?|micros|microseconds?)"
+    r"|(?P<ns>ns|nsecs?|nanos|nanoseconds?)|(?P<s>secs?|seconds?))|.*[_ .-](?P<of_s>s)",
+    re.IGNORECASE,
+)
+"""Names of times that tell their unit: `t_ms`, `Time-usec`, `millis`; a mere `s` has something before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,7 @@ class Found:
         column: The column as it is in the file.
         unit: Of the values that `si` makes: the SI base unit, or the file's own where that is not known.
         has_unit: The file, or the user, tells the unit; else it is the default.
+        read_in: The unit in which the values are read; as `unit` where it is none that we know.
     """
 
     group: Group
@@ -53,6 +58,7 @@ class Found:
     zero: float
     unit: str
     has_unit: bool = True
+    read_in: str = ""
 
     def si(self, values: Floats) -> Floats:
         """Values of the file in `unit`; bit for bit as they are where nothing is to be changed."""
@@ -188,12 +194,19 @@ def _missing(source: Source, name: str, role: str | None) -> str:
     return f"{source.path}: no column {name!r}; {suggest(name, names, 'columns')}{hint}"
 
 
+def unit_in_name(name: str) -> str:
+    """`ms`, `us`, `ns` or `s` of times that are called so; "" of others."""
+    named = _UNIT_IN_NAME.fullmatch(name)
+    return "" if named is None or named.lastgroup is None else named.lastgroup.removeprefix("of_")
+
+
 def _unit(source: Source, role: str, column: Column, units: Mapping[str, str]) -> str | None:
     """The unit that was given; else, of times to which the file gives none, that in their name, remarked."""
-    named = _UNIT_IN_NAME.fullmatch(column.name)
-    if role not in ("t", "t_u") or role in units or column.unit or named is None:
+    unit = unit_in_name(column.name)
+    if role not in ("t", "t_u") or role in units or column.unit or not unit:
         return units.get(role)
-    unit = named["unit"] or ("ms" if named["word"] == "millis" else "us")
+    if unit == "s":
+        return unit
     message = f"column {column.name!r} is taken as {unit} by its name; `--units {role}=s` if it is not"
     source.remarks.append(Remark("unit", message))
     return unit
@@ -210,10 +223,10 @@ def _in_si(path: Path, role: str, group: Group, column: Column, given: str | Non
             raise ReadError(
                 f"{where}: unit {unit!r} is not known; {suggest(unit, _right(dimensions), 'units')}"
             )
-        return Found(group, column, 1.0, 0.0, unit)
+        return Found(group, column, 1.0, 0.0, unit, read_in=unit)
     if dimensions and KNOWN[unit][0] not in dimensions:
         raise ReadError(f"{where}: {role} cannot be in {unit}; {suggest(unit, _right(dimensions), 'units')}")
-    return Found(group, column, *to_base(unit), has_unit=bool(given or column.unit))
+    return Found(group, column, *to_base(unit), has_unit=bool(given or column.unit), read_in=unit)
 
 
 def _right(dimensions: Sequence[str]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,6 +52,7 @@ class Recording(Answer):
         problems: What is wrong with the files, what was left out included.
         f: Measured disturbance, such as a force on the load, shape (n,), or None.
         table: Where it is of, if that is in memory; None: of `paths`.
+        read_in: Role -> unit in which the file has it, such as mm; empty where nobody tells.
     """
 
     paths: tuple[Path, ...]
@@ -67,6 +68,7 @@ class Recording(Answer):
     problems: tuple[Problem, ...]
     f: Floats | None = None
     table: Table | None = None
+    read_in: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:
@@ -225,6 +227,7 @@ def _recording(
         rows=rows[found["t"].group.name],
         names={role: each.column.name for role, each in found.items()},
         units={role: each.unit for role, each in found.items()},
+        read_in={role: each.read_in if each.has_unit else "" for role, each in found.items()},
         problems=tuple(problems),
     )
 
@@ -282,6 +285,7 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         paths=tuple(path for part in parts for path in part.paths),
         names=first.names,
         units=first.units,
+        read_in=first.read_in,
         problems=tuple(problem for part in parts for problem in part.problems),
         **arrays,
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seod.data.clock import Clock
+from seod.data.columns import unit_in_name
 from seod.data.problems import remarks
 from seod.data.progress import shown
 from seod.data.units import KNOWN
@@ -127,8 +128,9 @@ class GroupSummary:
         self.group = group
         self.time = time or group.time or _guess(group)
         column = group.column(self.time or "")
-        self._factor = KNOWN.get(column.unit, ("", 1.0))[1] if column else 1.0
-        self.clock = Clock(path, self.time or "", column is None or bool(column.unit))
+        unit = "s" if column is None else column.unit or unit_in_name(column.name)
+        self._factor = KNOWN.get(unit, ("", 1.0))[1]
+        self.clock = Clock(path, self.time or "", bool(unit))
         self.columns = [ColumnSummary(each, bins) for each in group.columns]
         self.count = 0
 

@@ -11,6 +11,7 @@ from seod.config.units import UNITS
 from seod.data.units import BASE
 from seod.diagnose import pipeline
 from seod.diagnose.pipeline import diagnose
+from seod.diagnose.record.column_checks import time_remarks
 from seod.diagnose.record.daemon_part import telling_part
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.show.bootstrap import with_intervals
@@ -93,7 +94,8 @@ def found(
     )
     d = with_intervals(_diagnosed(recordings, holdout, asked, progress))
     names = [each.paths[0].name for each in recordings]
-    return replace(d, remarks=(*_cut_short(names, parts), *d.remarks))
+    slow = time_remarks(recordings[0], d.extended.omega_n)
+    return replace(d, remarks=(*_cut_short(names, parts), *d.remarks, *slow))
 
 
 def command_line(paths: Sequence[Path], options: Options) -> str:

@@ -10,16 +10,34 @@ from hidden_baseline import best_baseline
 from hidden_drives import EXCITATIONS, make_drive
 from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_rig import GIVEN, Drive, Rig, simulate
-from hidden_strength import BRISTLES, DEFECTS, LISTED, UNLISTED, drawn, effects_of, sizes
+from hidden_strength import (
+    ALONE,
+    BRISTLES,
+    DEFECTS,
+    HELD,
+    LISTED,
+    MEASURED,
+    RECTIFIED,
+    UNLISTED,
+    drawn,
+    effects_of,
+    sizes,
+)
 from scipy.signal import detrend, lfilter
 
 SLEW = "valve_rate_limit"
 LISTED_SINCE = {SLEW: 22000, "sensor_nonlinearity": 31000, "static_valve_map": 31000}
 """Listed later: records of lower numbers are what they were before."""
+SENSORS_SINCE = 120000
+"""Sensors that rectify or repeat, a measured disturbance, mains, samplers: lower numbers have none."""
 NOW_NAMED = {"curved": "sensor_nonlinearity", "progressive": "static_valve_map"}
 """Off the list until then."""
 OF_POSITIONS = {"sensor_nonlinearity"}
 """Hidden where the sensor sees the position alone."""
+OPEN = ("multisine", "steps")
+"""Excitations without a loop, of positions too: behind a sensor without sign none can be closed."""
+CORRELATED = 3.0
+"""Radians of the plant over which a measured disturbance keeps its value, about."""
 KINDS = ("one", "two", "clean", "unlisted")
 TRIES = 12
 LEAST = 3.0
@@ -94,6 +112,8 @@ def draw(
     kind = kind or str(random.choice(KINDS, p=[0.6, 0.2, 0.1, 0.1]))
     for _ in range(TRIES):
         chosen = tuple(causes) if causes is not None else _causes(kind, random, number)
+        if len(chosen) > 1 and set(chosen) & set(ALONE):
+            raise Invisible(f"{chosen}: {', '.join(ALONE)} are hidden alone")
         hides = "one" if kind == "unlisted" and chosen[0] in LISTED else kind
         case = _bare(number, hides, chosen, excitation, sees_speed, noise_part, random)
         case = case if duration is None else replace(case, duration=duration)
@@ -122,7 +142,8 @@ def _causes(kind, random, number) -> tuple[str, ...]:
     if kind == "unlisted":
         return (str(random.choice(unknown(number))),)
     if kind == "one":
-        return (str(random.choice([*known(number), *DEFECTS, BRISTLES])),)
+        alone = ALONE if number >= SENSORS_SINCE else ()
+        return (str(random.choice([*known(number), *DEFECTS, BRISTLES, *alone])),)
     while True:
         pair = {str(x) for x in random.choice(known(number), 2, replace=False)}
         if not any(pair <= family for family in ALIKE):
@@ -150,6 +171,10 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
     if "timing_jitter" in causes:  # a command follows from a sample, late as that may be
         latency = tick
     kind_of_drive = excitation or str(random.choice(EXCITATIONS))
+    if RECTIFIED in causes and kind_of_drive not in OPEN:
+        if excitation is not None:
+            raise Invisible(f"{RECTIFIED} under {excitation}: no loop can be closed behind it")
+        kind_of_drive = str(random.choice(OPEN))
     volts = float(np.exp(random.uniform(-1.0, 1.0)))
     return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
 
@@ -183,13 +208,21 @@ def _fair(case: Case) -> Case:
     if not moves(seen, noise) or (relay and chatters(u, quiet)):
         raise Invisible(f"{case.causes}: the load is stuck, or the relay follows the noise")
     left = {
-        name: _left_of(case, name, seen - random, u, LEAST * noise) / noise
+        name: _left_of(case, name, _quiet(case, seen, random, u), u, LEAST * noise) / noise
         for name in case.causes
         if name not in DEFECTS
     }
     if min(left.values(), default=LEAST) < LEAST:
         raise Invisible(str(case.causes))
     return replace(case, noise=noise, visible=case.visible | left)
+
+
+def _quiet(case: Case, seen, noise, u):
+    """The readings without their noise, of which some are repeated where they are held."""
+    if HELD not in case.causes:
+        return seen - noise
+    given = Drive(GIVEN, u)
+    return simulate(case.rig, case.t, given, None, supply_of(case), torque_of(case), case.latency)[0]
 
 
 def _left_of(case: Case, cause: str, y, u, seen: float) -> float:
@@ -263,8 +296,28 @@ def run(case: Case, noise=None):
     t = case.t
     random = np.random.default_rng([case.number, 1])
     drive = make_drive(case.excitation, case.rig, t, case.volts, random, case.hysteresis)
+    return simulate(case.rig, t, drive, noise, supply_of(case), torque_of(case), case.latency, seen_at(case))
+
+
+def torque_of(case: Case):
+    """What pushes the load from outside on the way to each row, as `simulate` takes it; None: nothing."""
     gusts = _gusts(case) if "gusts" in case.rig.effects else None
-    return simulate(case.rig, t, drive, noise, supply_of(case), gusts, case.latency, seen_at(case))
+    if MEASURED not in case.rig.effects:
+        return gusts
+    f = channel_of(case)
+    middle = 0.5 * (f + np.r_[f[:1], f[:-1]]) - np.median(f)
+    pushed = case.rig.effects[MEASURED]["gain"] * middle
+    return pushed if gusts is None else pushed + case.rig.effects["gusts"]["strength"] * gusts
+
+
+def channel_of(case: Case):
+    """The measured disturbance, of deviation 1 about a median for which the valve has been set; or None."""
+    if MEASURED not in case.causes:
+        return None
+    random = np.random.default_rng([case.number, 6])
+    keep = math.exp(-case.tick * case.rig.omega_n / CORRELATED)
+    white = random.normal(0.0, math.sqrt(1.0 - keep * keep), len(case.t) + 1000)
+    return random.uniform(-3.0, 3.0) + lfilter([1.0], [1.0, -keep], white)[1000:]
 
 
 def seen_at(case: Case):

@@ -31,7 +31,7 @@ STRENGTH = 0.15
 """From which a listed effect is refitted to one off the list."""
 TRIED_S = 3.0
 """Of a record, for that."""
-NOT_FITTED = {"sensor_quantization"}
+NOT_FITTED = {"sensor_quantization", "held_readings"}
 """Its rounding changes by jumps."""
 SIGNED = {"ratio", "acceleration", "K_L", "omega_n", "zeta", "phase", "centre"}
 SIGNED |= {"lever_at", "parabola", *(f"order_{n}" for n in range(2, 7))}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hidden_cases import run, supply_of
+from hidden_cases import channel_of, run, supply_of
 
 if TYPE_CHECKING:
     from hidden_cases import Case
@@ -20,6 +20,7 @@ class Record:
     y: np.ndarray
     t_u: np.ndarray | None
     ps: np.ndarray | None
+    f: np.ndarray | None = None
 
 
 def make_record(case: Case) -> Record:
@@ -29,7 +30,7 @@ def make_record(case: Case) -> Record:
     y = with_defects(case, y, random)
     supply = supply_of(case)
     t_u = case.t + case.latency if case.latency else None
-    return Record(case.t, u, y, t_u, None if supply is None else 7e6 * supply)
+    return Record(case.t, u, y, t_u, None if supply is None else 7e6 * supply, channel_of(case))
 
 
 def with_defects(case: Case, y, random):
@@ -51,7 +52,7 @@ def _holes(n, defects, random):
 
 def write(record: Record, path) -> None:
     """A CSV file with nothing in it but the measured data."""
-    columns = {"t": record.t, "u": record.u, "y": record.y, "t_u": record.t_u, "ps": record.ps}
+    columns = {"t": record.t, "u": record.u, "y": record.y, "t_u": record.t_u, "ps": record.ps, "f": record.f}
     present = {name: x for name, x in columns.items() if x is not None}
     table = np.column_stack(list(present.values()))
     with path.open("w", encoding="ascii") as file:

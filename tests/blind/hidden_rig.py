@@ -162,6 +162,8 @@ class Rig:
             out["inertia2"] = self.inertia * second["inertia"] / (1.0 + second["inertia"])
             out["shaft"] = out["inertia2"] * second["omega"] ** 2
             out["shaft_damping"] = 2.0 * second["zeta"] * second["omega"] * out["inertia2"]
+        if of("measured_disturbance"):  # what pushes is given as an acceleration
+            out["gusts"] = self.inertia
         if relief := of("relief"):
             out["relief"], out["opens"] = RELIEF, relief["strength"] * self.inertia / self.displacement
         return out
@@ -183,7 +185,10 @@ class Drive:
 
 
 def simulate(rig: Rig, t, drive: Drive, noise=None, supply=None, gusts=None, latency=0.0, seen_at=None):
-    """Readings and commands, each of shape (n,); `seen_at`: when the samples are really taken."""
+    """Readings and commands, each of shape (n,); `seen_at`: when the samples are really taken.
+
+    `gusts` is a torque of unit size, where a disturbance is measured all that pushes, as an acceleration.
+    """
     p, m, w = rig.physical(), np.zeros(1, MODES), np.zeros(9)
     n, s = len(t), p[0]
     noise = np.zeros(n) if noise is None else noise

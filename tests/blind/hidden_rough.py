@@ -13,10 +13,13 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hidden_cases import COARSE, run, supply_of
+from hidden_baseline import best_baseline
+from hidden_cases import COARSE, SENSORS_SINCE, channel_of, run, supply_of, torque_of
+from hidden_drives import make_drive
 from hidden_records import Record, with_defects
 from hidden_rig import GIVEN, Drive, simulate
-from scipy.signal import lfilter
+from hidden_strength import UNLISTED
+from scipy.signal import detrend, lfilter
 
 from sim.effects import EFFECTS
 
@@ -31,6 +34,17 @@ BITS = (0, 0, 12, 16)
 """Of the converter behind the sensor; 0: none."""
 ROOM = 1.5
 """Of the converter's range, over what is read."""
+MAINS_HZ = 50.0
+"""By the file's clock; above half its rate it is seen as another one."""
+OVERTONES = (1.0, 0.3, 0.2)
+"""Of mains: twice and three times its frequency at most as large as that."""
+SAMPLERS = ("none", "finer", "late", "slower")
+OF_SAMPLERS = (0.4, 0.2, 0.2, 0.2)
+"""How often each is drawn."""
+FINER, SLOWER = (2, 4, 8), (2, 3, 4)
+"""Commands in the place of one row; rows in the place of one command."""
+RELEVANT = 0.02
+"""Of the movement's deviation: what a sampler leaves and is more has no name, and is rightly unexplained."""
 TURNED = {"asymmetric_gain.ratio", "null_shift.voltage"}
 """Numbers that turn their sign with the command's."""
 
@@ -48,6 +62,13 @@ class Rough:
         time: Seconds of the file in one of the generator.
         length: Units of the file in one of the generator.
         sign: Of the command.
+        mains: Part of the disturbance's variance that is a hum of 50 Hz with overtones; the rest is as above.
+        sampler: How the command came into the record. `finer`: it changed also between rows, and is recorded
+            as it was at each row; `late`: likewise, but as it was a part of a row before; `slower`: it was
+            looked at every so many rows.
+        sampled: Commands to a row; of `slower` rows to a look.
+        late: Commands by which the record is late.
+        leaves: Of the movement's deviation, what Eq. 1 refitted leaves for the sampler alone.
     """
 
     colour: float
@@ -59,6 +80,11 @@ class Rough:
     time: float
     length: float
     sign: float
+    mains: float = 0.0
+    sampler: str = "none"
+    sampled: int = 1
+    late: int = 0
+    leaves: float = 0.0
 
     def as_json(self) -> dict[str, float]:
         return asdict(self)
@@ -80,20 +106,25 @@ class Rough:
     @property
     def also_there(self) -> set[str]:
         """Causes that such a rig has beside those that are hidden: they may be named."""
-        return {name for name, there in (("periodic_disturbance", self.hum), (COARSE, self.bits)) if there}
+        hum = self.hum + self.mains
+        return {name for name, there in (("periodic_disturbance", hum), (COARSE, self.bits)) if there}
 
     def forgiven(self, causes, told: dict) -> dict:
-        """The answer without what is there as well."""
+        """The answer without what is there as well, and without the verdict on what a sampler leaves."""
         extra = self.also_there - set(causes)
         effects = [each for each in told["effects"] if each["name"] not in extra]
-        freed = told["verdict"] == "effects" and not effects
-        return told | {"effects": effects, "verdict": "clean" if freed else told["verdict"]}
+        verdict = told["verdict"]
+        if verdict == "unexplained" and self.leaves > RELEVANT and not set(causes) & set(UNLISTED):
+            verdict = "effects"
+        freed = verdict == "effects" and not effects
+        return told | {"effects": effects, "verdict": "clean" if freed else verdict}
 
 
 def dimension(unit: str, *, sees_speed: bool) -> tuple[int, int]:
     """Powers of length and time in a unit such as `unit/s^2` or `rad/unit`."""
     if "for a speed" in unit:
         unit = "unit/s" if sees_speed else "unit"
+    unit, _, _ = unit.partition(" for each ")
     above, _, below = unit.partition("/")
     powers = {"unit": 0, "s": 0}
     for part, sign in ((above, 1), (below, -1)):
@@ -108,7 +139,7 @@ def rough(case: Case) -> Rough:
     parts = random.dirichlet([1.0, 1.0, 1.0, 1.0]) * (random.random(4) < (1.0, 0.4, 0.4, 0.4))
     parts = parts / parts.sum()
     omega_n = float(np.exp(random.uniform(math.log(SLOWEST), math.log(FASTEST))))
-    return Rough(
+    how = Rough(
         colour=float(random.choice(COLOURS)),
         hum=float(parts[1]),
         wander=float(parts[2]),
@@ -119,6 +150,51 @@ def rough(case: Case) -> Rough:
         length=float(10.0 ** random.uniform(-3.0, 3.0)),
         sign=float(random.choice([-1.0, 1.0])),
     )
+    return how if case.number < SENSORS_SINCE else _with_mains_and_sampler(case, how)
+
+
+def _with_mains_and_sampler(case: Case, how: Rough) -> Rough:
+    """By a stream of their own. Samples that are taken at random times have no sampler."""
+    random = np.random.default_rng([case.number, 11])
+    mains = float(random.uniform(0.1, 0.6) * (random.random() < 0.4))
+    sampler = str(random.choice(SAMPLERS, p=OF_SAMPLERS))
+    finer, slower = int(random.choice(FINER)), int(random.choice(SLOWER))
+    late = int(random.integers(1, finer + 1))
+    if sampler == "none" or "jitter" in case.defects:
+        return replace(how, mains=mains)
+    how = replace(
+        how,
+        mains=mains,
+        sampler=sampler,
+        sampled=slower if sampler == "slower" else finer,
+        late=late if sampler == "late" else 0,
+    )
+    return replace(how, leaves=sampler_leaves(case, how))
+
+
+def sampler_leaves(case: Case, how: Rough) -> float:
+    """What a refit of Eq. 1 to the recorded command leaves without effects, over the movement's deviation."""
+    bare = replace(case, rig=replace(case.rig, effects={}), causes=(), defects={})
+    y, u = sampled(bare, how, np.zeros(len(case.t)))
+    start = case.rig.K_L, case.rig.omega_n, case.rig.zeta
+    left = best_baseline(y, u, case.tick, start, sees_speed=case.rig.sees_speed)
+    return left.rms / float(np.std(detrend(y)))
+
+
+def sampled(case: Case, how: Rough, noise):
+    """Readings and commands of the rows as they are recorded; `noise` of each row's reading."""
+    rows = np.arange(len(case.t))
+    if how.sampler in {"none", "slower"}:
+        y, u = run(case, noise)
+        return y, u if how.sampler == "none" else u[rows - rows % how.sampled]
+    each = np.arange(len(rows) * how.sampled)
+    t = each * (case.tick / how.sampled)
+    random = np.random.default_rng([case.number, 1])
+    drive = make_drive(case.excitation, case.rig, t, case.volts, random, case.hysteresis)
+    on_the_way = np.minimum(-(-each // how.sampled), len(rows) - 1)
+    supply, torque = (x if x is None else x[on_the_way] for x in (supply_of(case), torque_of(case)))
+    y, u = simulate(case.rig, t, drive, noise[each // how.sampled], supply, torque, case.latency)
+    return y[rows * how.sampled], u[np.maximum(rows * how.sampled - how.late, 0)]
 
 
 def make_rough_record(case: Case, how: Rough) -> Record:
@@ -126,14 +202,15 @@ def make_rough_record(case: Case, how: Rough) -> Record:
     random = np.random.default_rng([case.number, 10])
     noise = case.noise * _disturbance(case, how, random)
     shaken = _shaken(case, how)
-    y, u = run(shaken, noise)
+    y, u = sampled(shaken, how, noise)
     y = with_defects(case, y, random)
-    supply = supply_of(case)
+    supply, f = supply_of(case), channel_of(case)
     scale = how.length / how.time if case.rig.sees_speed else how.length
     t = case.t * how.time
     t_u = t + case.latency * how.time if case.latency else None
     y, u = _converted(y * scale, how.bits), _converted(u * how.sign, how.bits)
-    return Record(t, u, y, t_u, None if supply is None else 7e6 * supply)
+    ps = None if supply is None else 7e6 * supply
+    return Record(t, u, y, t_u, ps, None if f is None else _converted(f, how.bits))
 
 
 def _disturbance(case: Case, how: Rough, random):
@@ -144,7 +221,21 @@ def _disturbance(case: Case, how: Rough, random):
     slow = 2.0 * math.pi * case.t / case.duration * random.uniform(0.3, 1.5)
     wander = math.sqrt(2.0) * np.sin(slow + random.uniform(0.0, 6.3))
     plain = 1.0 - how.hum - how.wander - how.gusts
-    return math.sqrt(plain) * noise + math.sqrt(how.hum) * line + math.sqrt(how.wander) * wander
+    old = math.sqrt(plain) * noise + math.sqrt(how.hum) * line + math.sqrt(how.wander) * wander
+    if how.mains == 0.0:
+        return old
+    return math.sqrt(1.0 - how.mains) * old + math.sqrt(how.mains) * _mains(case, how)
+
+
+def _mains(case: Case, how: Rough):
+    """A hum of deviation 1, which the sensor sees as its converter takes it, without a filter before it."""
+    random = np.random.default_rng([case.number, 12])
+    turns = MAINS_HZ * how.time * case.t
+    parts = [size * random.uniform(0.0, 1.0) if k else size for k, size in enumerate(OVERTONES)]
+    wave = sum(
+        part * np.sin(2.0 * math.pi * (k * turns + random.random())) for k, part in enumerate(parts, 1)
+    )
+    return wave / math.sqrt(0.5 * sum(part**2 for part in parts))
 
 
 def _shaken(case: Case, how: Rough) -> Case:
@@ -154,11 +245,8 @@ def _shaken(case: Case, how: Rough) -> Case:
     _, u = run(case)
     tried = _with_gusts(case, case.rig.omega_n**2 * case.noise)
     given = Drive(GIVEN, u)
-    random = np.random.default_rng([case.number, 3])
-    keep = math.exp(-case.tick * case.rig.omega_n)
-    torque = lfilter([1.0], [1.0, -keep], random.normal(0.0, math.sqrt(1.0 - keep**2), len(u)))
     quiet, moved = (
-        simulate(each.rig, case.t, given, None, supply_of(case), torque, case.latency)[0]
+        simulate(each.rig, case.t, given, None, supply_of(case), torque_of(each), case.latency)[0]
         for each in (case, tried)
     )
     size = float(np.std(moved - quiet))

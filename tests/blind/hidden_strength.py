@@ -16,9 +16,12 @@ LISTED = (
     "pressure_dependent_stiffness", "load_resonance", "valve_rate_limit", "sensor_nonlinearity",
     "static_valve_map",
 )  # fmt: skip
-ELSEWHERE = ("rectified_sensor", "held_readings", "measured_disturbance", "null_shift")
-"""Hidden in records of their own (`test_slow_and_signless_sensors`, `test_diagnose_measured_disturbance`,
-`test_null_behind_orifices`): they leave all of it or none, come with a channel, or need a bent valve."""
+RECTIFIED, HELD, MEASURED = "rectified_sensor", "held_readings", "measured_disturbance"
+ALONE = (RECTIFIED, HELD, MEASURED)
+"""Never hidden beside another one: they leave nearly all of the movement, show in the samples, or have a
+channel that a refit of the others lacks."""
+ELSEWHERE = ("null_shift",)
+"""Hidden in records of its own (`test_null_behind_orifices`): it needs a bent valve."""
 DEFECTS = ("outliers", "missing_samples", "timing_jitter")
 BRISTLES = "lugre_friction"
 """Truth behind a Coulomb friction: bristles that give way."""
@@ -117,6 +120,9 @@ def effects_of(cause: str, s: float, d: dict[str, float], z: Sizes, omega_n: flo
         "volume": {"strength": 6.0 * s / z.span},
         "curved": {"strength": 2.0 * s / z.span},
         "gusts": {"strength": 3.0 * f},
+        RECTIFIED: {"part": 1.0},
+        HELD: {"time": s / omega_n},
+        MEASURED: {"gain": 3.0 * f * d["sign"]},
     }  # fmt: skip
     if cause == BRISTLES:
         stiff = f / (0.005 * z.speed / omega_n)

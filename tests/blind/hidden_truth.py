@@ -49,13 +49,17 @@ def told_by_file(case: Case) -> dict[str, dict[str, float]]:
 
 
 def told_by_rough_file(case: Case, how: Rough) -> dict[str, dict[str, float]]:
-    """The same in the units that the rough record has."""
+    """The same in the units that the rough record has.
+
+    Without a delay where the command came through a sampler, whose own it changes.
+    """
     return {
         name: {
             of: how.converted(f"{name}.{of}", value, sees_speed=case.rig.sees_speed)
             for of, value in group.items()
         }
         for name, group in told_by_file(case).items()
+        if how.sampler == "none" or name != "transport_delay"
     }
 
 

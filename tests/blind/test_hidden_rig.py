@@ -12,7 +12,7 @@ from hidden_drives import EXCITATIONS
 from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_records import make_record, write
 from hidden_rig import GIVEN, RELAY, Drive, Rig, simulate
-from hidden_strength import DEFECTS, ELSEWHERE, LISTED, UNLISTED
+from hidden_strength import ALONE, DEFECTS, ELSEWHERE, LISTED, UNLISTED
 from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen
 from plant_truth import Plant
 from truth_runs import follow
@@ -44,6 +44,18 @@ def test_each_effect_is_that_of_the_plant_written_apart(name):
     without, _ = simulate(Rig(K_L, OMEGA_N, ZETA, {}, sees_speed), T, Drive(GIVEN, U), supply=supply)
     assert apart(ours, apart_from) < 1e-3
     assert apart(ours, without) > 2e-3, "the effect does nothing here"
+
+
+@pytest.mark.parametrize("gusts", [{}, {"gusts": {"strength": 150.0}}], ids=["alone", "beside gusts"])
+def test_a_measured_disturbance_pushes_the_plant_written_apart_alike(gusts):
+    effects = {"measured_disturbance": {"gain": -3.0}}
+    f = 90.0 * np.sin(70.0 * T)
+    rig = Rig(K_L, OMEGA_N, ZETA, effects | gusts)
+    given = -3.0 * f + (150.0 * np.cos(50.0 * T) if gusts else 0.0)
+    ours, _ = simulate(rig, T, Drive(GIVEN, U), gusts=given)
+    truth = follow(Plant(K_L, OMEGA_N, ZETA, effects), T, U, T, force=-given / 3.0)
+    assert apart(ours, truth) < 1e-3
+    assert apart(ours, follow(Plant(K_L, OMEGA_N, ZETA, {}), T, U, T)) > 0.02
 
 
 @pytest.mark.parametrize(
@@ -78,7 +90,9 @@ def test_the_best_baseline_finds_the_linear_plant_and_leaves_the_noise(sees_spee
 
 
 def test_the_lists_name_all_causes_and_nothing_else():
-    assert {*LISTED, *DEFECTS, *ELSEWHERE} == {name for name, effect in EFFECTS.items() if effect.cause}
+    assert {*LISTED, *DEFECTS, *ALONE, *ELSEWHERE} == {
+        name for name, effect in EFFECTS.items() if effect.cause
+    }
     assert not set(UNLISTED) & set(EFFECTS)
 
 

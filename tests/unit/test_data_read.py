@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 import os
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from seod.data import ReadError, open_source, read
 from seod.data.align import commands, held
 from seod.data.clock import Clock
-from seod.data.columns import parse_pairs, resolve
+from seod.data.columns import parse_pairs, resolve, unit_in_name
 from seod.data.source import Column, Group, Table
 from seod.data.summary import summarize
 from seod.data.units import split_header
@@ -317,8 +318,64 @@ def test_times_in_another_unit_are_asked_about_and_never_changed(scale, told, tm
     ]
 
 
+def asked_about(step, count, has_unit=False):
+    """Whether the unit of such times is."""
+    clock = Clock(Path("x"), "t", has_unit)
+    clock.add(step * np.arange(float(count)), np.arange(count))
+    return "unit" in rows_of(clock.problems())
+
+
+@settings(deadline=None)
+@example(rate_hz=50_000.0, seconds=3.05)
+@given(rate_hz=st.floats(1e-3, 50_000.0), seconds=st.floats(3.05, 6.0))
+def test_times_in_ms_of_any_rate_are_asked_about_from_three_seconds_on(rate_hz, seconds):
+    """30 rows at least."""
+    count = max(30, 2 + math.floor(seconds * rate_hz))
+    assert asked_about(1e3 / rate_hz, count)
+    assert not asked_about(1e3 / rate_hz, count, has_unit=True)
+
+
+@settings(deadline=None)
+@given(rate_hz=st.floats(1.01, 40_000.0), part=st.floats(0.0, 0.99))
+def test_times_in_s_of_usual_length_are_not_asked_about(rate_hz, part):
+    """As long as 50 min, above 50 Hz any length."""
+    assert not asked_about(1.0 / rate_hz, 2 + min(int(part * 3000.0 * rate_hz), 200_000))
+    assert not asked_about(1.0 / max(rate_hz, 50.5), 200_000)
+
+
+def test_a_recording_in_ms_at_ten_kilohertz_is_asked_about(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,u,y\n" + "".join(f"{0.1 * k:.1f},1,{k % 7}\n" for k in range(30_002)))
+    (problem,) = [p for p in read(path).problems if p.kind == "unit"]
+    assert "is 10 Hz for 0.83 h in s" in problem.message
+    assert "`--units t=ms` says ms (1e+04 Hz)" in problem.message
+
+
+SPELLED = {
+    "ms": ("ms", "msec", "MS", "milliseconds", "millis"),
+    "us": ("us", "µs", "usec", "micros"),
+    "ns": ("ns",),
+}
+
+
+@given(st.data())
+def test_a_name_tells_a_unit_behind_a_separator_alone(data):
+    unit = data.draw(st.sampled_from([*SPELLED, "s"]))
+    word = data.draw(st.sampled_from([*SPELLED.get(unit, ("sec", "seconds", "s"))]))
+    before = data.draw(st.text(st.characters(categories=["L", "N"]), min_size=1, max_size=8))
+    mark = data.draw(st.sampled_from("_ .-"))
+    assert unit_in_name(f"{before}{mark}{word}") == unit
+    assert unit_in_name(f"{word}{mark}{before}x") == ""
+
+
+@pytest.mark.parametrize("name", ["t", "s", "time", "t_", "items", "status", "t_u", "ms2", "times", "_"])
+def test_other_names_tell_none(name):
+    assert unit_in_name(name) == ""
+
+
 @pytest.mark.parametrize(
-    ("name", "factor"), [("t_ms", 1e-3), ("time_us", 1e-6), ("millis", 1e-3), ("micros", 1e-6)]
+    ("name", "factor"),
+    [("t_ms", 1e-3), ("time_us", 1e-6), ("millis", 1e-3), ("micros", 1e-6), ("Time msec", 1e-3)],
 )
 def test_times_whose_name_tells_their_unit_are_taken_so_and_it_is_said(name, factor, tmp_path):
     path = slow_file(tmp_path, "run.csv", 10, f"{name},u,y")
@@ -327,3 +384,11 @@ def test_times_whose_name_tells_their_unit_are_taken_so_and_it_is_said(name, fac
     (said,) = [p.message for p in recording.problems]
     assert f"column {name!r} is taken as" in said
     assert read(path, columns={"t": name}, units={"t": "s"}).t[1] == 10.0
+    with open_source(path) as source:
+        (group,) = summarize(source, name).as_json()["groups"]
+    assert group["time"]["duration"] == pytest.approx(590 * factor)
+
+
+def test_a_name_in_seconds_is_neither_changed_nor_asked_about(tmp_path):
+    recording = read(slow_file(tmp_path, "run.csv", 10, "time_s,u,y"), columns={"t": "time_s"})
+    assert (recording.t[1], recording.problems, recording.read_in["t"]) == (10.0, (), "s")

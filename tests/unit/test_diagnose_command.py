@@ -68,6 +68,13 @@ def test_a_table_and_sentences(asked, recording):
     assert (len(recordings), len(holdout), options.output, options.usual) == (1, 0, None, "position")
 
 
+def test_times_without_a_unit_are_doubted_where_the_plant_is_slow(monkeypatch, recording, answer):
+    slow = replace(answer, extended=replace(answer.extended, omega_n=0.06))
+    monkeypatch.setattr(command_module, "diagnose", lambda *_: slow)
+    assert "60 rad/s: `--units t=ms` says so" in " ".join(typed(recording).stdout.split())
+    assert "t=ms" not in typed(recording, "--units", "t=s").stdout
+
+
 @pytest.mark.slow
 def test_json_is_the_contract_and_nothing_else(asked, recording, tmp_path, answer):
     out = tmp_path / "found"

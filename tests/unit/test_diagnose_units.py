@@ -42,12 +42,12 @@ def little(monkeypatch):
     monkeypatch.setitem(EFFORTS, "quick", 0.05)
 
 
-def told(u, y, per_metre):
-    """The answer for y in a unit of which so many are a metre."""
+def told(u, y, per_metre, output=None):
+    """The answer for y in a unit of which so many are a metre, or a metre a second."""
     rows = np.arange(len(u))
     none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "units": {}, "problems": ()}
     recording = Recording((Path("run.csv"),), rows / RATE, u, per_metre * y, rows=rows, **none)
-    answer = diagnose([recording], (), Options(effort="quick")).as_json()
+    answer = diagnose([recording], (), Options(output, effort="quick")).as_json()
     return answer | {"remarks": [each for each in answer["remarks"] if not each.startswith(SPENT)]}
 
 
@@ -110,6 +110,15 @@ def test_a_position_in_another_unit(name, units):
     assert named == ([] if name == "clean" else [name])
     for per_metre in units:
         assert not apart(in_metres, numbers(told(*rows, per_metre), per_metre))
+
+
+@pytest.mark.slow
+def test_a_speed_in_another_unit():
+    u, y = record(3.0, friction=0.4, speeds=True)
+    in_metres = numbers(told(u, y, 1.0, "velocity"), 1.0)
+    assert in_metres[".effects[0].name"] == "coulomb_friction"
+    assert in_metres[".effects[0].parameters.level.value"] == pytest.approx(0.4, rel=0.05)
+    assert not apart(in_metres, numbers(told(u, y, 1e6, "velocity"), 1e6))
 
 
 def test_a_command_in_other_units_than_the_first_is_refused():

@@ -10,10 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seod.data import Recording
-from seod.diagnose.record.column_checks import gain_remarks, tells_supply, with_believed_supply
+from seod.data.problems import Problem
+from seod.diagnose.record.column_checks import (
+    gain_remarks,
+    tells_supply,
+    time_remarks,
+    with_believed_supply,
+)
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.fourth_differences import slopes
 from seod.diagnose.record.sensor_step import counts
+from seod.diagnose.record.timing_jitter import _line
 from sim.defects import jittered, missing_samples, outliers
 
 NOISE = 0.01
@@ -151,6 +158,13 @@ def test_a_quick_signal_with_little_noise_has_no_jitter():
     assert "timing_jitter" not in [each.name for each in found.found]
 
 
+def test_of_differences_most_of_which_are_none_no_line_is_made():
+    """Of readings that stand still in most rows, and jump."""
+    steepness = np.linspace(0.0, 50.0, 1000)
+    level, growth, _ = _line(steepness, np.where(np.arange(1000) % 3, 0.0, 1e-9 * steepness))
+    assert (level, growth) == (0.0, 0.0)
+
+
 def test_true_times_that_are_uneven_are_no_jitter():
     t = np.sort(T + np.random.default_rng(1).normal(0.0, 2e-4, len(T)))
     t = t[np.concatenate([[True], np.diff(t) > 2e-4])]
@@ -214,6 +228,33 @@ def test_a_record_of_noise_alone_is_told():
 
 def test_times_in_milliseconds_are_suspected():
     assert "--units t=ms" in examine(recording(noisy(), 1000.0 * T)).remarks[0]
+
+
+def test_times_that_are_told_to_be_in_seconds_are_believed():
+    assert not examine(replace(recording(noisy(), 1000.0 * T), read_in={"t": "s"})).remarks
+
+
+@pytest.mark.parametrize(
+    ("omega_n", "told"),
+    [
+        (0.06, "omega_n is 0.06 rad/s. If it is in ms, omega_n is 60 rad/s: `--units t=ms`"),
+        (6e-5, "If it is in us, omega_n is 60 rad/s: `--units t=us`"),
+        (1e-9, "`--units t=us`"),
+    ],
+)
+def test_times_without_a_unit_are_suspected_where_the_plant_is_slow(omega_n, told):
+    one = recording(noisy())
+    (remark,) = time_remarks(one, omega_n)
+    assert told in remark
+    assert not time_remarks(replace(one, read_in={"t": "s"}), omega_n)
+    assert not time_remarks(recording(noisy(), 1000.0 * T), omega_n)  # by the rate
+    doubted = Problem("unit", Path("run.csv"), "t", np.array([], np.int64), "has no unit")
+    assert not time_remarks(replace(one, problems=(doubted,)), omega_n)
+
+
+def test_a_plant_of_usual_speed_says_nothing_of_times():
+    assert not time_remarks(recording(noisy()), 0.6)
+    assert not time_remarks(recording(noisy()), float("nan"))
 
 
 @pytest.mark.parametrize(

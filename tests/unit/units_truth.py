@@ -10,14 +10,15 @@ SUBSTEPS = 16
 """Of a sampling interval, in which friction is held."""
 
 
-def record(seconds, *, friction=0.0, stiffness=0.0, gap=0.0, noise=0.01, seed=3):
-    """Commands [V] and noisy positions [m] at `RATE`, from rest.
+def record(seconds, *, friction=0.0, stiffness=0.0, gap=0.0, noise=0.01, seed=3, speeds=False):
+    """Commands [V] and noisy positions [m] at `RATE`, from rest; with `speeds` speeds [m/s], without a gap.
 
     `friction` is an acceleration [m/s^2], `stiffness` of a spring [1/s^2], `gap` [m].
     """
     random = np.random.default_rng(seed)
     u = multisine(round(seconds * RATE), random)
-    y = behind(positions(u, friction, stiffness), gap)
+    places, fast = moved(u, friction, stiffness)
+    y = fast if speeds else behind(places, gap)
     return u, y + random.normal(0.0, noise * np.std(y), len(y))
 
 
@@ -29,8 +30,11 @@ def multisine(n, random, volts=2.0):
     return volts * u / np.max(np.abs(u))
 
 
-def positions(u, friction, stiffness):
-    """Of the load [m]; its state is position, speed and pressure as acceleration, each command held."""
+def moved(u, friction, stiffness):
+    """Position [m] and speed [m/s] of the load, shape (2, n); pressure is the third of its states.
+
+    Each command holds until the next row.
+    """
     dynamics = np.array(
         [[0.0, 1.0, 0.0], [-stiffness, 0.0, 1.0], [0.0, -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N]]
     )
@@ -38,9 +42,9 @@ def positions(u, friction, stiffness):
     moves = stepped(dynamics, inputs)
     dynamics[:2], inputs[:2] = 0.0, 0.0
     rests = stepped(dynamics, inputs)
-    state, slides, out = (0.0, 0.0, 0.0), 0, np.empty(len(u))
+    state, slides, out = (0.0, 0.0, 0.0), 0, np.empty((2, len(u)))
     for k, volts in enumerate(u.tolist()):
-        out[k] = state[0]
+        out[:, k] = state[:2]
         for _ in range(SUBSTEPS):
             pushed = state[2] - stiffness * state[0]
             if slides == 0 and abs(pushed) > friction:

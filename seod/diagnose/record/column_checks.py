@@ -25,6 +25,9 @@ _UNITS: Final = {
     25.4: "mm for inches",
 }
 
+_OF_TIME: Final = {"ms": 1e3, "us": 1e6}
+"""Units that times without one may be in, and how many are a second."""
+
 
 def tells_supply(recording: Recording) -> bool:
     """Whether it has a supply pressure, that is above 0 in most of its rows that tell one."""
@@ -56,7 +59,7 @@ def column_remarks(name: str, recording: Recording) -> list[str]:
         return []
     t, u, y = recording.t[both], u[both], y[both]
     remarks = []
-    if recording.rate_hz < COLUMNS.slowest_hz:
+    if recording.rate_hz < COLUMNS.slowest_hz and not recording.read_in.get("t"):
         remarks.append(
             f"{name}: {recording.rate_hz:.3g} samples a second: is t in ms? Then give --units t=ms"
         )
@@ -112,6 +115,22 @@ def gain_remarks(name: str, K_L: float, expected: float | None = None) -> list[s
                 "Give --units y=..."
             )
     return remarks
+
+
+def time_remarks(recording: Recording, omega_n: float) -> list[str]:
+    """What a fitted omega_n [rad/s] says about the unit of times for which nobody told one.
+
+    Nothing where the rate has been doubted already.
+    """
+    doubted = recording.rate_hz < COLUMNS.slowest_hz or any(p.kind == "unit" for p in recording.problems)
+    if recording.read_in.get("t") or doubted or not 0.0 < omega_n < COLUMNS.slowest_plant:
+        return []
+    fast = [each for each in _OF_TIME.items() if each[1] * omega_n >= COLUMNS.slowest_plant]
+    unit, factor = next(iter(fast), ("us", _OF_TIME["us"]))
+    return [
+        f"{recording.paths[0]}: t has no unit and is taken to be in s: omega_n is {omega_n:.3g} rad/s. "
+        f"If it is in {unit}, omega_n is {factor * omega_n:.3g} rad/s: `--units t={unit}` says so"
+    ]
 
 
 def _unit(ratio: float) -> str:

@@ -223,5 +223,6 @@ def _runs(at_end: Mask) -> list[tuple[int, int]]:
 def _clipped_remark(name: str, ends: Array) -> str:
     places = " and ".join(f"{end:g}" for end in np.unique(ends).tolist())
     return (
-        f"{name}: y stands at {places} in {len(ends)} rows: the sensor's range ends there; they are left out"
+        f"{name}: y stands at {places} (unit of y) in {len(ends)} rows: the sensor's range ends there; "
+        "they are left out"
     )

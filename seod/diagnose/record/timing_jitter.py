@@ -57,6 +57,8 @@ def _line(x: Array, square: Array) -> tuple[float, float, float]:
     """Level, growth and the growth's deviation; each square weighs by what is expected of it."""
     level, growth, variance = float(np.median(square)) / 0.455, 0.0, math.inf
     for _ in range(TIMING_JITTER.rounds):
+        if max(level, growth) == 0.0:  # readings stand still in most rows
+            break
         expected = np.maximum(level + growth * x, TIMING_JITTER.least_expected * max(level, growth) + 1e-300)
         near = square < TIMING_JITTER.events * expected
         a = np.column_stack([np.ones(near.sum()), x[near]]) / expected[near, None]

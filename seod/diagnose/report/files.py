@@ -14,6 +14,7 @@ from seod.diagnose.extend.model import Model
 from seod.diagnose.extend.references import moved
 from seod.diagnose.extend.rig_file import into_config, new_rig_file
 from seod.diagnose.extend.seen import seen
+from seod.diagnose.report.as_read import as_read
 from seod.diagnose.report.page import page
 from seod.files.user_files import write_text
 
@@ -63,7 +64,8 @@ def write(
     """
     out.mkdir(parents=True, exist_ok=True)
     sources = [path.name for recording in recordings for path in recording.paths]
-    write_text(out / REPORT, page(d, unit, sources, facts(recordings, command)))
+    told = as_read(d, recordings[0], unit)
+    write_text(out / REPORT, page(*told, sources, facts(recordings, command)))
     write_text(out / ANSWER, json.dumps(d.as_json() if answer is None else answer, indent=1) + "\n")
     try:
         write_rig(out, d, recordings[0], rig)

@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from seod.diagnose.result import Output
 
-_NOBODYS: Final = re.compile(r"(?<!\w)unit/s\^\d\b")
-"""Units of a derivative, in sentences that are made where nobody knows that of y."""
+_NUMBER: Final = r"-?\d+(?:\.\d*)?(?:e[-+]?\d+)?"
+OF_READINGS: Final = "(unit of y)"
+"""What stands for the unit of y in sentences that are made where nobody knows it."""
+NOBODYS: Final = re.compile(
+    rf"(?P<value>{_NUMBER})(?: (?P<joined>±|and) (?P<second>{_NUMBER}))? "
+    rf"(?P<unit>rad/unit\b|{re.escape(OF_READINGS)}|unit \(unit/s for a speed\)|unit\b(?:/s(?:\^\d)?)?)"
+)
+"""Numbers in nobody's unit in such sentences: a value, one with its interval, or two values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,7 @@ class Units:
             "unit/s^2": self.acceleration,
             "unit/s^3": _per_s(self.acceleration),
             "unit (unit/s for a speed)": self.reading,
+            OF_READINGS: self.reading,
             "rad/unit": f"rad/({self.position})" if "·" in self.position else f"rad/{self.position}",
         }
         first, more, rest = text.partition(" for each ")
@@ -49,7 +56,9 @@ class Units:
 
     def told(self, sentence: str) -> str:
         """A sentence of the answer, with these units in place of nobody's."""
-        return _NOBODYS.sub(lambda found: self.named(found[0]), sentence)
+        return NOBODYS.sub(
+            lambda found: found[0].removesuffix(found["unit"]) + self.named(found["unit"]), sentence
+        )
 
 
 def _per_s(unit: str) -> str:

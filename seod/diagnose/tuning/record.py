@@ -65,6 +65,9 @@ class Columns:
     slowest_hz: float = 5.0
     """[Hz] Rate below which times are more likely milliseconds than seconds. Chosen: no rig is sampled
     slower."""
+    slowest_plant: float = 0.5
+    """[rad/s] omega_n below which times without a unit are more likely milliseconds than seconds. Chosen: the
+    slowest rigs that are known, and in ms the fastest ones."""
     same_signal: float = 0.99999
     """[-] Correlation of two columns that are one signal. Chosen."""
     unit_tolerance: float = 0.15
