@@ -8,16 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plant_truth import PLACE, Plant
-from relay_records import NOISE, TICK, TRUTH, VOLTS, N, T
+from relay_records import NOISE, TICK, TRUTH, VOLTS, N, T, grid_once
 from scipy.linalg import expm
 
 from seod.data import Recording
-from seod.diagnose.pipeline import diagnose
+from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import cut, segments
-from seod.diagnose.starts.relay.grid import grid_plants
+from seod.diagnose.record.windows import cut, segments, sparse
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def _same_grids(monkeypatch):
+    monkeypatch.setattr("seod.diagnose.search.screen.grid_plants", grid_once)
+
 
 RATE = 60.0
 SUBTICKS = 20
@@ -87,8 +92,8 @@ def relayed(kind):
 
 @pytest.mark.parametrize("kind", [SlowValve, Lightly])
 def test_the_grid_has_the_plant_behind_a_slow_valve(kind):
-    small = segments(cut([series(relayed(kind))])[0])
-    slow = [plant for plant in grid_plants(small) if "valve_rate_limit" in plant.causes]
+    few = sparse(segments(cut([series(relayed(kind))])[0]))
+    slow = [plant for plant in grid_once(few) if "valve_rate_limit" in plant.causes]
     numbers = [(one.sizes["valve_rate_limit.rate"], one.K_L, one.omega_n, one.zeta) for one in slow]
     truth = pytest.approx((kind.rate, *kind.truth.values()), rel=0.05)
     assert any(each == truth for each in numbers), numbers
@@ -96,7 +101,7 @@ def test_the_grid_has_the_plant_behind_a_slow_valve(kind):
 
 @pytest.mark.parametrize("kind", [SlowValve, Lightly])
 def test_a_slow_valve_is_named(kind):
-    told = diagnose([relayed(kind)])
+    told = diagnose([relayed(kind)], (), Options(effort="quick"))
     (found,) = told.effects
     assert (told.verdict, found.name) == ("effects", "valve_rate_limit")
     assert found.parameters["rate"].value == pytest.approx(kind.rate, rel=0.01)

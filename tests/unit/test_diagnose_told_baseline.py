@@ -69,7 +69,8 @@ def test_the_type_is_found_where_nobody_tells_it(speed, output, kind):
 
 
 def test_offset_and_delay_are_told_beside_the_plain_baseline():
-    told = diagnose([recorded(speed=True, delay=0.03, offset=3.0)], (), Options("velocity")).as_json()
+    recording = recorded(speed=True, delay=0.03, offset=3.0)
+    told = diagnose([recording], (), Options("velocity", effort="quick")).as_json()
     common = told["baseline"]["with_offset_and_delay"]
     assert told["baseline"]["holdout_nrmse"] > 1.0
     assert common["holdout_nrmse"] < 0.013

@@ -24,14 +24,14 @@ AT, WORTH = (
 )
 
 
-def told_of(valve, seed=3):
+def told_of(valve, seed=3, effort="normal"):
     random = np.random.default_rng(seed)
     u = np.repeat(random.uniform(-LARGEST, LARGEST, N // 25), 25)
     u[:25] = LARGEST
     eq_1 = ([K_L * OMEGA_N**2], [1.0, 2.0 * ZETA * OMEGA_N, OMEGA_N**2])
     y = lsim(eq_1, valve(u), T, interp=False)[1] + random.normal(0.0, NOISE, N)
     one = Recording((Path("valve.csv"),), T, u, y, None, None, None, np.arange(N), {}, {}, ())
-    return diagnose([one], (), Options("velocity")).as_json()
+    return diagnose([one], (), Options("velocity", effort=effort)).as_json()
 
 
 def map_of(told):
@@ -42,7 +42,7 @@ def map_of(told):
 
 @pytest.mark.slow
 def test_a_gain_by_level_and_direction_is_named_with_its_map():
-    told = told_of(lambda u: np.interp(u, AT, WORTH))
+    told = told_of(lambda u: np.interp(u, AT, WORTH), effort="quick")
     assert (told["verdict"], [one["name"] for one in told["effects"]]) == ("effects", ["static_valve_map"])
     found, volts = map_of(told), np.linspace(-LARGEST, LARGEST, 81)
     flow = told["extended"]["K_L"] * np.array([found.worth(x) for x in volts])

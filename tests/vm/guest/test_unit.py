@@ -44,7 +44,7 @@ def property_of(name: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def installed() -> None:
+def installed() -> Iterator[None]:
     """Unit, rig file and an override that starts this checkout's environment instead of /opt/seod."""
     RIG_FILES.mkdir(exist_ok=True)
     shutil.copy(REPO / "configs" / "motor.dbc", RIG_FILES)
@@ -59,17 +59,22 @@ def installed() -> None:
         f"ProtectHome=tmpfs\nBindReadOnlyPaths={' '.join(folders)}\n"
     )
     systemctl("daemon-reload")
+    yield
+    _stop()
+
+
+def _stop() -> None:
+    systemctl("stop", UNIT)
+    systemctl("reset-failed")
 
 
 @pytest.fixture
 def unit(installed: None, rig: Rpc) -> Iterator[Rpc]:
-    """A client of the daemon that systemd started."""
-    systemctl("start", UNIT)  # returns once the daemon says READY=1
+    """A client of the daemon that systemd started; it runs on, for a start takes a dozen seconds."""
+    systemctl("start", UNIT)  # returns once the daemon says READY=1, at once where it runs
     daemon = Rpc(PORT)
     yield daemon
     daemon.close()
-    systemctl("stop", UNIT)
-    systemctl("reset-failed")
     log = subprocess.run(["journalctl", "-q", "-u", UNIT], check=False, stdout=subprocess.PIPE, text=True)
     print(log.stdout)
 
@@ -88,21 +93,6 @@ def is_good(message: dict[str, Any]) -> bool:
     return bool(told.get("quality") == "ok")
 
 
-def test_it_runs_and_measures_and_stops_at_neutral(unit: Rpc, rig: Rpc, listener: Listener) -> None:
-    assert property_of("ActiveState") == "active"
-    refused = [why for why in unit.call("info")["realtime"]["why"] if "cpu_dma_latency" not in why]
-    assert refused == []  # (the guest has no such device)
-    excite(unit)
-    truth = rig.call("truth")["motor"]
-    estimate = unit.call("get", axis="motor")["estimate"]
-    assert abs(estimate["omega_n"] / truth["omega_n"] - 1.0) < 0.05
-    systemctl("stop", UNIT)
-    assert property_of("Result") == "success"
-    assert listener.read()[-1].volts == 0.0
-    assert rig.call("state")["plants"]["motor"]["voltage"] == 0.0
-    assert not port_open(PORT)
-
-
 def test_it_does_not_run_as_root(unit: Rpc) -> None:
     del unit
     status = Path(f"/proc/{property_of('MainPID')}/status").read_text()
@@ -119,6 +109,21 @@ def test_its_watchdog_is_fed(unit: Rpc) -> None:
     assert property_of("WatchdogTimestampMonotonic") != fed
     assert property_of("MainPID") == first
     assert property_of("NRestarts") == "0"
+
+
+def test_it_runs_and_measures_and_stops_at_neutral(unit: Rpc, rig: Rpc, listener: Listener) -> None:
+    assert property_of("ActiveState") == "active"
+    refused = [why for why in unit.call("info")["realtime"]["why"] if "cpu_dma_latency" not in why]
+    assert refused == []  # (the guest has no such device)
+    excite(unit)
+    truth = rig.call("truth")["motor"]
+    estimate = unit.call("get", axis="motor")["estimate"]
+    assert abs(estimate["omega_n"] / truth["omega_n"] - 1.0) < 0.05
+    systemctl("stop", UNIT)
+    assert property_of("Result") == "success"
+    assert listener.read()[-1].volts == 0.0
+    assert rig.call("state")["plants"]["motor"]["voltage"] == 0.0
+    assert not port_open(PORT)
 
 
 def test_a_supervisor_that_hangs_is_restarted(unit: Rpc, rig: Rpc) -> None:
@@ -145,6 +150,7 @@ SECURE = """server:
 @pytest.fixture
 def secure_unit(installed: None, rig: Rpc) -> Iterator[str]:
     """A unit whose rig file names credentials: a token, and the key of its certificate."""
+    _stop()  # the other has the same port
     subprocess.run(
         ["mount", "--make-rshared", "/"], check=True
     )  # as on a machine that has booted; else none arrive
