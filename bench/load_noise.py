@@ -4,7 +4,7 @@
 
 A plant's load is shaken by random torques of two colours and its readings have a sensor's noise (white, and
 AR(1) of 0.95 and 0.99), in five proportions, over eight windows of 1.5 s at 1 kHz; three plants, positions
-and speeds. The generator is that of `tests/unit/test_diagnose_load_noise.py`: exponentials of the plant's matrix.
+and speeds. The generator is that of `tests/unit/test_diagnose_load_noise.py`: exponentials of matrices.
 """
 
 from __future__ import annotations
