@@ -10,6 +10,7 @@ from seod.diagnose.causes.record import Coordinate
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import group, searched_causes
 from seod.diagnose.causes.valve import LARGEST_LIMIT
+from seod.diagnose.fitting import uncertainty
 from seod.diagnose.fitting.held_out import nrmse, simulate_held_out, wholes
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, settle
@@ -19,6 +20,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
 from seod.diagnose.starts.baseline import baseline
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.fitting import UNCERTAINTY
 from sim.effects import EFFECTS
 
 SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
@@ -95,6 +97,29 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
         every += list(deviations(found, to_fit)[0].values())
     assert 0.75 < np.std(every) < 1.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("wander", "least", "most"), [(0.0, 1.0, 1.15), (3.0, 1.2, 3.0)])
+def test_what_bends_a_record_slowly_widens_the_interval_of_what_it_looks_like(
+    wander, least, most, monkeypatch
+):
+    """An offset of the sensor that moves slowly pulls a constant load up in one part and down in another."""
+    u, ratios = multisine(8000), []
+    y, t = linear(u), np.arange(8000) / RATE
+    for seed in range(5):
+        random = np.random.default_rng([7, seed])
+        slow = np.sin(2.0 * np.pi * random.uniform(0.1, 0.2) * t + random.uniform(0.0, 6.3))
+        to_fit, _ = windows(y + 0.01 * np.std(y) * wander * slow, u, noise=0.01, seed=seed)
+        model = baseline_model(SIZES, 1.0, False, {}).with_effect("load_bias")
+        x = model.searched(TRUTH | {"load_bias.acceleration": 0.0})
+        found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
+        own = covariance(found)[-1, -1]
+        with monkeypatch.context() as patch:
+            patch.setattr(uncertainty, "UNCERTAINTY", replace(UNCERTAINTY, pulling_parts=()))
+            ratios.append(np.sqrt(own / covariance(found)[-1, -1]))
+    assert min(ratios) >= 1.0
+    assert least <= np.mean(ratios) < most
 
 
 def test_of_a_number_that_the_samples_do_not_show_only_its_bounds_are_known(clean):

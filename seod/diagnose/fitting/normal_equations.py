@@ -76,6 +76,29 @@ class Normal:
         pairs = zip(table.weights, table.slices, strict=True)
         return np.array([w * (x[rows] @ table.columns[rows, :-1]) for w, rows in pairs])
 
+    @property
+    def slices(self) -> Sequence[slice]:
+        """Rows of each window."""
+        assert self.table is not None  # noqa: S101
+        return self.table.slices
+
+    def pulls(self, long: float) -> Array:
+        """What parts of the windows, of `long` rows or a window each, change the searched numbers by.
+
+        Weighted products with the residual, initial states eliminated: they add up to 0 where a fit has
+        ended. Shape (parts, p).
+        """
+        assert self.table is not None  # noqa: S101
+        out = []
+        for weight, rows, solved in zip(self.table.weights, self.table.slices, self.solved, strict=True):
+            columns = self.table.columns[rows]
+            own = columns[:, self.count : -1] - columns[:, : self.count] @ solved[:, :-1]
+            count = max(1, round(len(columns) / long))
+            out += [each.sum(axis=0) for each in np.array_split(weight * own * columns[:, -1:], count)]
+        pulls = np.zeros((len(out), self.unknowns))
+        pulls[:, self.free] = out
+        return pulls
+
     def step(
         self, damping: float, low: Array, high: Array, right: Array | None = None
     ) -> tuple[Array, Array]:

@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import ttest_1samp
+from scipy.stats import t, ttest_1samp
 
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import GAPS
 from seod.diagnose.fitting.backlash_jumps import contacts, jumps
-from seod.diagnose.fitting.least_squares import LeastSquares, least_square, weighted
+from seod.diagnose.fitting.least_squares import LeastSquares, least_square
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
 from seod.diagnose.result import SD_OF_95, Parameter
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.normal_equations import Normal
     from seod.diagnose.result import Array
     from sim.effects import Parameter as EffectParameter
 
@@ -30,12 +31,16 @@ if TYPE_CHECKING:
 def covariance(fitted: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
 
-    Of a coarse sensor's samples those count that lie outside their interval, by their own error.
-    A number that the samples do not show at all is known to lie within its bounds.
+    And at least as wide as parts of the recordings pull each number to and fro: what bends one of them
+    slowly is not in the correlation. Of a coarse sensor's samples those count that lie outside their
+    interval, by their own error. A number that the samples do not show at all is known to lie within its
+    bounds.
     """
     cut = fitted.cut
-    residual = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
-    curvature = _curvature(fitted)
+    search = LeastSquares(fitted.model, cut, map, np.ones(len(fitted.x), np.bool_))
+    residual, error = search.tried(fitted.x, fitted.start)
+    parts = search.derivatives(fitted.x, fitted.start, residual, error)
+    curvature = parts.curvature()
     if cut.coarse:
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
@@ -47,9 +52,27 @@ def covariance(fitted: Fitted) -> Array:
         [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, fitted.error, strict=True)]
     )
     out = np.asarray(inverse * max(1.0, correlation_time(whitened)))
+    wider = np.sqrt(np.maximum(1.0, _pulled(parts, inverse) / np.maximum(out.diagonal(), 1e-300)))
+    out *= np.outer(wider, wider)
     for k, coordinate in enumerate(fitted.model.coordinates):
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
+    return out
+
+
+def _pulled(parts: Normal, inverse: Array) -> Array:
+    """Variance of each searched number by how parts of the recordings pull it to and fro; shape (p,).
+
+    Liang and Zeger, Biometrika 73, 1986, with Student's t of as few parts: the largest of several lengths.
+    """
+    rows = sum(each.stop - each.start for each in parts.slices)
+    out = np.zeros(parts.unknowns)
+    for count in UNCERTAINTY.pulling_parts:
+        pulls = parts.pulls(rows / count) @ inverse
+        free = len(pulls) - 1
+        if free >= UNCERTAINTY.fewest_pulling:
+            wider = float(t.ppf(UNCERTAINTY.upper_end, free) / SD_OF_95) ** 2 * len(pulls) / free
+            out = np.maximum(out, wider * np.sum(pulls**2, axis=0))
     return out
 
 
@@ -68,15 +91,6 @@ def _closing(fitted: Fitted) -> float:
     jump = contacts(fitted.cut, *inside(record, fitted.cut, fitted.start)).jump
     tick = fitted.cut.series[fitted.cut.windows[0][0]].tick
     return float(np.median(np.abs(jump))) * tick / math.sqrt(12.0) if len(jump) else 0.0
-
-
-def _curvature(fitted: Fitted) -> Array:
-    """Of the fit; anew where jumps were ramps, with the shortest, and where it ended at once."""
-    if fitted.curvature.any() and not jumps(fitted.model.record(fitted.x)):
-        return fitted.curvature
-    search = LeastSquares(fitted.model, fitted.cut, map, np.ones(len(fitted.x), np.bool_))
-    residual, error = search.tried(fitted.x, fitted.start)
-    return search.derivatives(fitted.x, fitted.start, residual, error).curvature()
 
 
 def base_sd(fitted: Fitted, spread: Array) -> dict[str, float]:

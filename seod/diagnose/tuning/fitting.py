@@ -182,6 +182,13 @@ class Uncertainty:
     """[segments] Without which nothing is said of a gain. Chosen."""
     fewest_segments: int = 24
     """[segments] Of the held-out windows that are compared. Chosen."""
+    pulling_parts: tuple[int, ...] = (48, 16)
+    """[parts] Of all rows, whose pulls on a number are compared. Chosen: what bends a record slowly, as an
+    offset that moves, shows in long ones alone."""
+    fewest_pulling: int = 8
+    """[parts] More than one, without which nothing is said of how they pull. Chosen."""
+    upper_end: float = 0.975
+    """[-] Of an interval's probability. The contract's."""
     near_limit: float = 1e-6
     """[-] Part of a searched number's range at whose ends it counts as being there. Chosen."""
     derivative_step: float = 1e-4
