@@ -12,6 +12,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from seod.diagnose.account import load_noise
 from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.residual import Plant, WindowResidual
 
@@ -92,6 +93,15 @@ def test_what_shows_one_side_of_the_plant_tells_nothing():
     assert on_load(parts, Plant(1.0, 0.3, False)) is None
     short = [replace(one, t=one.t[:40], error=one.error[:40], scored=one.scored[:40]) for one in parts]
     assert on_load(short, Plant(100.0, 0.3, False)) is None
+
+
+def test_least_squares_that_do_not_end_leave_what_there_is(monkeypatch):
+    def endless(*_):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr(load_noise, "nnls", endless)
+    found = on_load(windows(coloured(0.5)), Plant(100.0, 0.3, False))
+    assert 0.0 <= found.least <= found.share <= found.most <= 1.0
 
 
 def test_rows_that_do_not_count_are_bridged():

@@ -72,9 +72,10 @@ def _bands(parts: Sequence[WindowResidual], plant: Plant) -> Bands | None:
         for one, tick in zip(parts, ticks, strict=True)
         if math.isclose(tick, ticks[0], rel_tol=LOAD_NOISE.same_tick)
     ]
-    spectra = [_spectrum(one, ticks[0], plant) for one in own if len(one.t) >= LOAD_NOISE.fewest_rows]
-    if not spectra or not ticks[0] > 0.0:
+    long = [one for one in own if len(one.t) >= LOAD_NOISE.fewest_rows]
+    if not long or not ticks[0] > 0.0:
         return None
+    spectra = [_spectrum(one, ticks[0], plant) for one in long]
     omega, power = (np.concatenate(each) for each in zip(*spectra, strict=True))
     lowest, highest = float(np.min(omega)), float(np.max(omega))
     if not lowest < plant.omega_n < LOAD_NOISE.below * highest:
@@ -152,8 +153,11 @@ def _added(bands: Bands, shapes: Array, price: Array | None = None, begin: Array
     weights = np.full(len(shapes), level / len(shapes)) if begin is None else begin
     for _ in range(LOAD_NOISE.rounds):
         scale = np.sqrt(rows) / (weights @ shapes + floor)
-        step = nnls(np.vstack([(shapes * scale).T, extra]), np.r_[scale * bands.power, 0.0])[0] - weights
-        now, part = cost(weights), 1.0
+        try:
+            better = nnls(np.vstack([(shapes * scale).T, extra]), np.r_[scale * bands.power, 0.0])[0]
+        except RuntimeError:  # by rounding it goes round in circles
+            break
+        step, now, part = better - weights, cost(weights), 1.0
         while cost(weights + part * step) > now and part > LOAD_NOISE.shortest:
             part *= 0.5
         weights = weights + part * step
