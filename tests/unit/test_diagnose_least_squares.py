@@ -122,6 +122,14 @@ def test_what_bends_a_record_slowly_widens_the_interval_of_what_it_looks_like(
     assert least <= np.mean(ratios) < most
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_curvature_that_rounding_spoilt_has_an_inverse():
+    usual = np.array([[4.0, 1.0], [1.0, 9.0]])
+    np.testing.assert_allclose(uncertainty._inverse(usual), np.linalg.inv(usual), rtol=1e-9)
+    spoilt = np.array([[4.0, 1e30], [1e30, -1e-310]])
+    assert np.isfinite(uncertainty._inverse(spoilt)).all()
+
+
 def test_of_a_number_that_the_samples_do_not_show_only_its_bounds_are_known(clean):
     """Commands never reach the valve's end: where that lies they do not tell."""
     to_fit = clean[0]

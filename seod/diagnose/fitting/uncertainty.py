@@ -45,9 +45,7 @@ def covariance(fitted: Fitted) -> Array:
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
     curvature = curvature + np.diag(_by_bounds(fitted.model))
-    size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
-    scaled = curvature / np.outer(size, size)
-    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(size, size)
+    inverse = _inverse(curvature)
     whitened = np.concatenate(
         [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, fitted.error, strict=True)]
     )
@@ -58,6 +56,14 @@ def covariance(fitted: Fitted) -> Array:
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
     return out
+
+
+def _inverse(curvature: Array) -> Array:
+    """Of a curvature, by its correlations: none is beyond 1, though rounding may say so."""
+    size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
+    with np.errstate(over="ignore"):
+        scaled = np.clip(curvature / size[:, None] / size, -1.0, 1.0)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / size[:, None] / size)
 
 
 def _pulled(parts: Normal, inverse: Array) -> Array:
