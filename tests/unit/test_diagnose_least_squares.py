@@ -123,11 +123,17 @@ def test_what_bends_a_record_slowly_widens_the_interval_of_what_it_looks_like(
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_curvature_that_rounding_spoilt_has_an_inverse():
+def test_a_curvature_that_rounding_spoilt_tells_what_bounds_tell():
+    """Two numbers that act alike: only their sum is known, each within its bounds, whatever rounding says."""
+    bounds = np.array([0.01, 0.02])
     usual = np.array([[4.0, 1.0], [1.0, 9.0]])
-    np.testing.assert_allclose(uncertainty._inverse(usual), np.linalg.inv(usual), rtol=1e-9)
+    both = np.linalg.inv(usual + np.diag(bounds))
+    np.testing.assert_allclose(uncertainty._inverse(usual, bounds), both, rtol=1e-9)
+    alike = 6e5 * np.array([[1.0, 1.0 + 1.4e-7], [1.0 + 1.4e-7, 1.0]])
+    found = uncertainty._inverse(alike, bounds)
+    np.testing.assert_allclose(found, np.array([[1.0, -1.0], [-1.0, 1.0]]) / bounds.sum(), rtol=1e-2)
     spoilt = np.array([[4.0, 1e30], [1e30, -1e-310]])
-    assert np.isfinite(uncertainty._inverse(spoilt)).all()
+    assert np.isfinite(uncertainty._inverse(spoilt, bounds)).all()
 
 
 def test_of_a_number_that_the_samples_do_not_show_only_its_bounds_are_known(clean):

@@ -44,8 +44,7 @@ def covariance(fitted: Fitted) -> Array:
     if cut.coarse:
         outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
-    curvature = curvature + np.diag(_by_bounds(fitted.model))
-    inverse = _inverse(curvature)
+    inverse = _inverse(curvature, _by_bounds(fitted.model))
     whitened = np.concatenate(
         [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, fitted.error, strict=True)]
     )
@@ -58,11 +57,17 @@ def covariance(fitted: Fitted) -> Array:
     return out
 
 
-def _inverse(curvature: Array) -> Array:
-    """Of a curvature, by its correlations: none is beyond 1, though rounding may say so."""
-    size = np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
+def _inverse(curvature: Array, bounds: Array) -> Array:
+    """Of the curvature by the samples, shape (p, p), and by bounds, shape (p,): no variance is negative.
+
+    Initial states were eliminated: a difference of large numbers, whose rounding may bend a valley the
+    wrong way or say that a correlation is beyond 1. Along such a valley only the bounds tell.
+    """
+    size = np.sqrt(np.maximum(curvature.diagonal() + bounds, 1e-300))
     with np.errstate(over="ignore"):
         scaled = np.clip(curvature / size[:, None] / size, -1.0, 1.0)
+    bends, along = np.linalg.eigh(scaled)
+    scaled = along * np.maximum(bends, 0.0) @ along.T + np.diag(bounds / size**2)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / size[:, None] / size)
 
 
