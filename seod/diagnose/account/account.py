@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.load_noise import on_load
+from seod.diagnose.account.loop import answers
 from seod.diagnose.account.noise_colour import NoiseColour, colour
 from seod.diagnose.account.repeats import not_repeated, repeats
 from seod.diagnose.account.residual import Plant, mean_square, window_residuals
@@ -73,9 +76,11 @@ def accounted(
     shown = systematic([*parts, *own], held.cut.series, plant, predicted=predicted)
     other = yardstick(seen.cut, held.cut)
     if other is not None:
-        nearer = beaten(held, other, shown.noise, predicted=predicted)
+        in_loop = _in_loop(held.cut.series, [*parts, *own], shown.noise)
+        nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
-            shown = shown._replace(part=min(1.0, nearer.square / mean_square(own)), by="yardstick")
+            part = min(1.0, nearer.square / mean_square(own))
+            shown = shown._replace(part=part, by="yardstick", on_load=None)
     remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0
     account = Account(
         explained=1.0 - remains,
@@ -90,6 +95,14 @@ def accounted(
         on_load=shown.on_load,
     )
     return account, None if other is None else Yardstick(other.arx, other.narx)
+
+
+def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual], noise: NoiseColour) -> bool:
+    """Whether a relay or a servo loop acts on what disturbs the load."""
+    errors = [noise.whitened(np.where(one.scored, one.error, 0.0)) for one in parts]
+    past = [noise.has_past(one.scored) for one in parts]
+    known = [np.where(some, error, 0.0) for some, error in zip(past, errors, strict=True)]
+    return any(one.relayed for one in every) or answers([one.u for one in parts], known)
 
 
 def systematic(

@@ -8,20 +8,19 @@ it, and fits to them come to the plant, in a loop and without one (Ljung, System
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm
 
+from seod.diagnose.account.loop import answers
 from seod.diagnose.account.noise_colour import colour
 from seod.diagnose.account.residual import window_residuals
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.search.beam import least_gain
-from seod.diagnose.tuning.account import PREDICTION, SYSTEMATIC
+from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.search import REFINE
 
 if TYPE_CHECKING:
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.windows import Cut
-    from seod.diagnose.result import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,32 +106,11 @@ class Predictions:
 
 
 def answered(fitted: Fitted) -> bool:
-    """Whether commands depend on what was not foretold of the readings before: whether a loop is closed.
-
-    Both made white, the sum of their products at each lag has a known deviation where it is not (Caines and
-    Chan, IEEE Trans. Automatic Control 20, 1975).
-    """
+    """Whether commands answer to what was not foretold of the readings before."""
     cut = fitted.cut
     error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
-    u, longer = cut.gathered("u"), [rows for rows in cut.slices if rows.stop - rows.start > PREDICTION.lags]
-    past = np.concatenate([_shifted(u[rows], PREDICTION.command_order) for rows in cut.slices])
-    command = u - past @ np.linalg.lstsq(past, u, rcond=1e-10)[0]
-    scores = [
-        sum(
-            float(command[rows.start + lag : rows.stop] @ error[rows.start : rows.stop - lag])
-            for rows in longer
-        )
-        for lag in range(PREDICTION.lags)
-    ]
-    size = math.sqrt(float(np.mean(command**2) * np.mean(error**2)) * len(u))
-    limit = norm.isf(0.5 * SYSTEMATIC.chance / PREDICTION.lags)
-    return bool(np.max(np.abs(scores)) > limit * size)
-
-
-def _shifted(u: Array, order: int) -> Array:
-    """Commands before each, and 1; shape (n, order + 1)."""
-    before = [np.r_[np.full(min(k, len(u)), u[0]), u[: max(len(u) - k, 0)]] for k in range(1, order + 1)]
-    return np.column_stack([*before, np.ones_like(u)])
+    u = cut.gathered("u")
+    return answers([u[rows] for rows in cut.slices], [error[rows] for rows in cut.slices])
 
 
 def _saved(without: Fitted, found: Fitted) -> float:

@@ -80,14 +80,14 @@ def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
         if scored[rows].any():
             t, u = one.t[first:last], one.u[first:last]
             pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
-            if _tells_its_place(one):
+            if tells_its_place(one):
                 position = position + _line(t, travelled(one)[first:last] - position)
             some = pressure, velocity, position
             out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
     return out
 
 
-def _tells_its_place(one: Series) -> bool:
+def tells_its_place(one: Series) -> bool:
     """Whether readings are a speed with its sign, so that their integral is where the load is."""
     y = one.y[one.good]
     return one.sees_speed and float(np.min(y)) < 0.0 < float(np.max(y))

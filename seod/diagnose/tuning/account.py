@@ -213,3 +213,27 @@ class Yardstick:
 
 
 YARDSTICK: Final = Yardstick()
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduled:
+    """An ARX whose weights change with the state."""
+
+    knots: tuple[int, ...] = (2, 5)
+    """[-] Values of the state between which weights run straight. Chosen."""
+    rates: tuple[float, ...] = (144.0, 432.0)
+    """[rows] In a dominant period. Measured: a pressure that is relieved, in windows of half a period, was
+    simulated to 11 % with 144 and to 5 % with 432."""
+    folds: int = 6
+    """[-] Each simulated by fits of the others. Chosen."""
+    fewest_rows: int = 48
+    """[rows] Of a part that is simulated. Chosen: a third of a dominant period."""
+    most_rows: int = 512
+    """[rows] Likewise. Chosen: parts are simulated side by side, each step for all."""
+    rows: int = 30_000
+    """[rows] Of all windows; of more, windows are left out evenly. Chosen: a hundred for each weight."""
+    begin: float = 0.2
+    """[-] Of a part, in which it settles. Chosen: as of windows."""
+
+
+SCHEDULED: Final = Scheduled()

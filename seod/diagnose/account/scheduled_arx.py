@@ -1,0 +1,171 @@
+"""An ARX whose weights change with position, speed or its change: a linear model with scheduled gains.
+
+Bamieh and Giarre, Int. J. of Robust and Nonlinear Control 12, 2002. What it changes with, how often and its
+order are those with which parts of the windows are simulated best by fits of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.account.arx import farthest, fitted_arx, past_of, side_by_side
+from seod.diagnose.tuning.account import SCHEDULED, YARDSTICK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from seod.diagnose.account.arx import Arx, Run
+    from seod.diagnose.result import Array, Rows
+
+STATES = 3
+"""Position, speed and its change."""
+
+
+class Form(NamedTuple):
+    """What weights change with.
+
+    Attributes:
+        linear: The ARX whose terms have such weights; of a position by its changes.
+        by: Position 0, speed 1 or its change 2.
+        knots: Values of it, ascending, between which weights run straight, shape (k,).
+    """
+
+    linear: Arx
+    by: int
+    knots: Array
+
+    @property
+    def reach(self) -> int:
+        """Samples that a step looks back."""
+        return max(self.linear.order + 1, STATES)
+
+    def terms(self, y: Array, u: Array, place: Array, at: Rows | int) -> Array:
+        """Each linear term times the nearness of each knot, shape (n, columns)."""
+        past = past_of(y, u, at, self.linear)
+        near = _nearness(self.state(y, place, at), self.knots)
+        return (past[:, :, None] * near[:, None, :]).reshape(len(past), -1)
+
+    def state(self, y: Array, place: Array, at: Rows | int) -> Array:
+        """The value that weights change with, before sample `at`, shape (n,)."""
+        now = place[at - 1] if self.by == 0 or self.linear.integrates else y[at - 1]
+        if self.by == 0:
+            return np.asarray(now)
+        if not self.linear.integrates:
+            return np.asarray(now if self.by == 1 else now - y[at - 2])
+        speed = now - y[at - 2]
+        return np.asarray(speed if self.by == 1 else speed - (y[at - 2] - y[at - 3]))
+
+
+class ScheduledArx(NamedTuple):
+    """A form with its weights, shape (columns,), or of each window, shape (w, columns)."""
+
+    form: Form
+    weights: Array
+
+    def simulated(self, runs: Sequence[Run]) -> list[Array]:
+        """Windows from the beginning of the linear model's simulation, side by side."""
+        form, positions = self.form, self.form.linear.integrates
+        y = side_by_side([run.y for run in runs])
+        u, place = side_by_side([run.u for run in runs]), side_by_side([run.place for run in runs])
+        ticks, limit = np.array([run.tick for run in runs]), farthest(runs)
+        for k in range(form.reach, len(y)):
+            step = np.sum(form.terms(y, u, place, k) * self.weights, axis=1)
+            y[k] = np.clip(positions * y[k - 1] + step, -limit, limit)
+            place[k] = y[k] if positions else place[k - 1] + 0.5 * ticks * (y[k] + y[k - 1])
+        return [y[: len(run.y), w] for w, run in enumerate(runs)]
+
+
+def _nearness(x: Array, knots: Array) -> Array:
+    """Of values to knots, shape (n, k): 1 at a knot, 0 at its neighbours; beyond the ends as there."""
+    at = np.interp(x, knots, np.arange(len(knots)))
+    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))
+
+
+class Scheduled(NamedTuple):
+    """The form that foretells parts of the windows best.
+
+    Attributes:
+        model: Fitted to all of them.
+        parts: Of each its window, its samples, and what a fit of others simulates, shape (n,).
+        squared: Mean squared error of the latter.
+    """
+
+    model: ScheduledArx
+    parts: list[tuple[int, Run, Array]]
+    squared: float
+
+
+def fitted_scheduled_arx(
+    runs: Sequence[Run | None], *, sees_speed: bool, tells_its_place: bool
+) -> Scheduled | None:
+    """None where windows have too few samples."""
+    of, parts = _parts(runs)
+    best: Scheduled | None = None
+    for form in _forms(parts, sees_speed=sees_speed, tells_its_place=tells_its_place):
+        products = np.array([_products(form, part) for part in parts])
+        total, fold = products.sum(axis=0), np.arange(len(parts)) % SCHEDULED.folds
+        unseen = [total - products[fold == k].sum(axis=0) for k in range(int(fold.max()) + 1)]
+        ridges, count = YARDSTICK.ridges, len(parts)
+        others = np.concatenate([[_solved(rest, ridge) for rest in unseen] for ridge in ridges])
+        each = (np.arange(len(ridges))[:, None] * len(unseen) + fold).ravel()
+        every = ScheduledArx(form, others[each]).simulated(parts * len(ridges))
+        for k, ridge in enumerate(ridges):
+            simulated = every[k * count : (k + 1) * count]
+            error = _squared(parts, simulated)
+            if best is None or error < best.squared:
+                told = list(zip(of, parts, simulated, strict=True))
+                best = Scheduled(ScheduledArx(form, _solved(total, ridge)), told, error)
+    return best
+
+
+def _forms(parts: Sequence[Run], *, sees_speed: bool, tells_its_place: bool) -> Iterator[Form]:
+    rows = sum(len(part.y) for part in parts)
+    every = [fitted_arx(parts, order, not sees_speed) for order in YARDSTICK.orders] if parts else []
+    for linear in (one for one in every if one is not None):
+        for by in range(0 if tells_its_place else 1, STATES):
+            form = Form(linear, by, np.empty(0))
+            values = [form.state(p.y, p.place, np.arange(form.reach, len(p.y))) for p in parts]
+            low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+            for count in SCHEDULED.knots:
+                if low < high and rows > YARDSTICK.rows_each * count * (2 * linear.order + 2):
+                    yield form._replace(knots=np.linspace(low, high, count))
+
+
+def _parts(runs: Sequence[Run | None]) -> tuple[list[int], list[Run]]:
+    """Windows, or parts of them: as many as there are folds at least; which window each is of."""
+    every = [(w, run) for w, run in enumerate(runs) if run is not None]
+    total = sum(len(run.y) for _, run in every)
+    long = min(SCHEDULED.most_rows, max(SCHEDULED.fewest_rows, total / SCHEDULED.folds))
+    of, out = [], []
+    for w, run in every[:: max(1, math.ceil(total / SCHEDULED.rows))]:
+        for rows in np.array_split(np.arange(len(run.y)), max(1, round(len(run.y) / long))):
+            if len(rows) >= SCHEDULED.fewest_rows:
+                first = np.arange(len(rows)) < SCHEDULED.begin * len(rows)
+                kept = run.y[rows], run.u[rows], run.good[rows], first, run.rows[rows], run.place[rows]
+                of.append(w)
+                out.append(type(run)(*kept, run.tick))
+    return (of, out) if len(out) > 1 else ([], [])
+
+
+def _products(form: Form, part: Run) -> Array:
+    """Of the terms and the sample, or its change, each with each."""
+    at = np.arange(form.reach, len(part.y))
+    at = at[np.logical_and.reduce([part.good[at - k] for k in range(form.reach + 1)])]
+    now = part.y[at] - (part.y[at - 1] if form.linear.integrates else 0.0)
+    columns = np.column_stack([form.terms(part.y, part.u, part.place, at), now])
+    return np.asarray(columns.T @ columns)
+
+
+def _solved(products: Array, ridge: float) -> Array:
+    size = np.sqrt(np.maximum(products.diagonal()[:-1], 1e-300))
+    scaled = products[:-1, :-1] / np.outer(size, size) + ridge * np.eye(len(size))
+    return np.asarray(np.linalg.solve(scaled, products[:-1, -1] / size) / size)
+
+
+def _squared(parts: Sequence[Run], simulated: Sequence[Array]) -> float:
+    """Mean squared error of parts, beyond their beginning."""
+    pairs = zip(parts, simulated, strict=True)
+    return float(np.mean(np.concatenate([(one.y - y)[one.good & ~one.first] ** 2 for one, y in pairs])))
