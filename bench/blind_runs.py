@@ -59,7 +59,7 @@ def hidden(wanted: Wanted, ask: Callable[[Path, str], tuple[dict, dict]] = told)
 
     Args:
         wanted: Which record.
-        ask: Gives the answer to a file, and what is to stand in the line beside it.
+        ask: Gives the answer to a file, and further fields of the line.
     """
     number, kind, causes, excitation, noise, duration = wanted[:6]
     try:
@@ -91,7 +91,7 @@ def _bounded(limit: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
 
 
-def line(case: Case, said: dict, beside: dict, how: Rough | None = None) -> dict:
+def line(case: Case, said: dict, further: dict, how: Rough | None = None) -> dict:
     truth = told_by_file(case) if how is None else told_by_rough_file(case, how)
     judged = said if how is None else how.forgiven(case.causes, said)
     return {
@@ -116,4 +116,4 @@ def line(case: Case, said: dict, beside: dict, how: Rough | None = None) -> dict
         "after": (said.get("extended") or {}).get("holdout_nrmse"),
         "floor": said.get("noise_floor_nrmse"),
         "found_plant": [(said.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
-    } | beside
+    } | further

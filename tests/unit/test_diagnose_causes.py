@@ -151,7 +151,7 @@ def test_what_is_alike_is_alike_both_ways():
             if other.name in {each.name for plain in cause.plain for each in CAUSES[plain.name].alike}:
                 continue  # it stands for its plain form: a spring, for the constant load that it has
             (back,) = [each for each in CAUSES[other.name].alike if each.name == name]
-            assert back.always == other.always
+            assert back.two_commands_only == other.two_commands_only
             again = back.same(values | there, SIZES)
             assert again == pytest.approx({place: values[place] for place in again})
 
@@ -160,7 +160,7 @@ def test_a_null_is_asked_for_where_the_flow_bends_at_it():
     """Where it is straight a constant load is the same, and no fit can tell."""
     for name in ("load_bias", "load_spring"):
         (null,) = [each for each in CAUSES[name].alike if each.name == "null_shift"]
-        assert null.beside == {"valve_deadband", "asymmetric_gain", "square_root_flow"}
+        assert null.distinguished_by == {"valve_deadband", "asymmetric_gain", "square_root_flow"}
     assert "null_shift" not in searched_causes(SIZES)
 
 

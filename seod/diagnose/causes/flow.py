@@ -47,7 +47,7 @@ ASYMMETRIC_GAIN: Final = Cause(
         Alike(
             "load_bias",
             lambda v, s: {"load_bias.acceleration": -v["asymmetric_gain.ratio"] * full_pressure(v, s)},
-            always=False,
+            two_commands_only=True,
         ),
     ),
     mirrored=("ratio",),

@@ -49,7 +49,7 @@ def null_for(load: Callable[[Values], float]) -> Alike:
     return Alike(
         "null_shift",
         lambda v, _: {"null_shift.voltage": load(v) * null_of_load(v)},
-        beside=BENT_AT_NULL,
+        distinguished_by=BENT_AT_NULL,
     )
 
 
@@ -83,7 +83,7 @@ LOAD_BIAS: Final = Cause(
         Alike(
             "asymmetric_gain",
             lambda v, s: {"asymmetric_gain.ratio": -v["load_bias.acceleration"] / full_pressure(v, s)},
-            always=False,
+            two_commands_only=True,
         ),
         null_for(lambda v: v["load_bias.acceleration"]),
     ),

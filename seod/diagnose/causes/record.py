@@ -140,15 +140,15 @@ class Alike:
     Attributes:
         name: Of the other.
         same: The other's parameters at which it does, from those of a set with this one.
-        always: Or only where the recordings have two commands and no more.
-        beside: Causes of which one must be in the set: without any both are the same, and it is not asked.
-            Empty: it always is.
+        two_commands_only: It does so only where the recordings have two commands and no more.
+        distinguished_by: Causes of which one must be in the set: without any both are the same, and it is
+            not asked. Empty: it always is.
     """
 
     name: str
     same: Callable[[Values, Scales], Values]
-    always: bool = True
-    beside: frozenset[str] = frozenset()
+    two_commands_only: bool = False
+    distinguished_by: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,7 @@ def alike_under_relay() -> Iterator[tuple[str, str]]:
     """Pairs of causes that two commands cannot tell apart."""
     for name, one in CAUSES.items():
         for other in one.alike:
-            if not other.always and list(CAUSES).index(name) < list(CAUSES).index(other.name):
+            if other.two_commands_only and list(CAUSES).index(name) < list(CAUSES).index(other.name):
                 yield name, other.name
 
 

@@ -93,7 +93,7 @@ def same_time(own: str, *others: str) -> tuple[Alike, ...]:
     slow = Alike(
         "valve_rate_limit",
         lambda values, s: {"valve_rate_limit.rate": s.volts / max(values[f"{own}.time"], SHORTEST_LAG_S)},
-        always=False,
+        two_commands_only=True,
     )
     return (*(alike(other) for other in others), slow)
 
@@ -103,7 +103,9 @@ def same_delay(*others: str) -> tuple[Alike, ...]:
 
     def alike(other: str) -> Alike:
         time = f"{other}.time"
-        return Alike(other, lambda values, s: {time: s.volts / values["valve_rate_limit.rate"]}, always=False)
+        return Alike(
+            other, lambda values, s: {time: s.volts / values["valve_rate_limit.rate"]}, two_commands_only=True
+        )
 
     return tuple(alike(other) for other in others)
 

@@ -65,12 +65,12 @@ def _gathered(y: Array, noise: float) -> Counts:
     if finest < coarsest:
         return Counts()
     k = coarsest + int(np.argmax(means[coarsest:finest]))
-    if means[k] < STEP.gathered or means[k] - _beside(means, k, pad) < STEP.contrast:
+    if means[k] < STEP.gathered or means[k] - _background(means, k, pad) < STEP.contrast:
         return Counts()
     return _refined(y, pad * span / k, noise)
 
 
-def _beside(means: Array, k: int, pad: int) -> float:
+def _background(means: Array, k: int, pad: int) -> float:
     """Median of what steps of nearly the same size have."""
     reach = STEP.near_steps * pad
     near = np.abs(np.arange(k - reach, k + reach + 1) - k) > STEP.own_steps * pad
@@ -91,7 +91,7 @@ def _refined(y: Array, step: float, noise: float) -> Counts:
         slope, offset = np.polyfit(number, about, 1)
         step = float(slope)
     left = about - slope * number - offset
-    if float(np.std(left)) > STEP.beside * noise:
+    if float(np.std(left)) > STEP.most_scatter * noise:
         return Counts()
     spread = float(np.std(left)) / max(float(np.std(number)) * math.sqrt(len(y) - len(order)), 1e-300)
     return Counts(step, spread)

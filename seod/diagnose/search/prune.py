@@ -54,8 +54,8 @@ def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
     others = {
         other.name: other.same
         for other in CAUSES[name].alike
-        if (other.always or model.scales.two_commands)
-        and (not other.beside or not other.beside.isdisjoint(model.names))
+        if (model.scales.two_commands or not other.two_commands_only)
+        and (not other.distinguished_by or not other.distinguished_by.isdisjoint(model.names))
     }
     return _in_place_of(name, others, fitted, screen)
 

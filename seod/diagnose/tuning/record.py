@@ -308,9 +308,9 @@ class SensorStep:
     """[-] Of fitting the step to whole counts. Chosen."""
     exact: float = 1e-3
     """[steps] By which readings of whole counts may be off. Chosen."""
-    beside: float = 1.5
-    """[sd] Of the noise, that readings are beside whole counts at most; its estimate is right to some
-    percent. Chosen."""
+    most_scatter: float = 1.5
+    """[sd] Of the noise, of readings about whole counts, at most; its estimate is right to some percent.
+    Chosen."""
     within_noise: float = 1.5
     """[sd] Steps of fewer say nothing that could be seen. Chosen."""
 
