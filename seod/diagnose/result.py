@@ -172,7 +172,7 @@ class FoundEffect:
         name: Of `sim.effects.EFFECTS`.
         parameters: By name.
         gain: What it is good for.
-        p_value: Of no gain at all, over pieces of the held-out windows.
+        p_value: Of no gain at all, over segments of the held-out windows.
         indistinguishable_from: Causes that explain the recordings as well in its place.
         holdout: Its parameters, all numbers fitted anew to each recording of `--holdout`; empty where too
             little of one counts.

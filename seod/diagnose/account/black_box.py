@@ -2,7 +2,7 @@
 
 The forces act on the load, the volts on the valve, of the fitted plant, so that what they do to the reading
 drifts as it does; further terms act on the reading itself. Ridge regression, each window foretold by a fit of
-the others. No two windows of a sweep are alike: there each piece of a window is foretold by all others, those
+the others. No two windows of a sweep are alike: there each fold of a window is foretold by all others, those
 beside it among them.
 """
 
@@ -41,7 +41,7 @@ class Foretold(NamedTuple):
     detectable: float
 
 
-class Piece(NamedTuple):
+class Fold(NamedTuple):
     """Rows of a window that are foretold together."""
 
     window: int
@@ -77,18 +77,18 @@ def _foretold(
 ) -> Foretold:
     sizes = sizes_of(parts)
     added = _added(parts, plant, sizes)
-    pieces = _pieces(parts, noise, swept=swept)
+    folds = _folds(parts, noise, swept=swept)
     products = []
     for w, one in enumerate(parts):
         columns = _columns(one, plant, sizes, added, noise)
-        products += [_products(columns[each.rows]) for each in pieces if each.window == w]
+        products += [_products(columns[each.rows]) for each in folds if each.window == w]
     targets = products[0].shape[0] - len(added)
     weights = [_weights([_of(each, targets, k) for each in products]) for k in range(len(added))]
     rest, plain, white = [], [], []
     for w, one in enumerate(parts):
         by_others = [
             (each.rows, np.array([some[p] for some in weights]))
-            for p, each in enumerate(pieces)
+            for p, each in enumerate(folds)
             if each.window == w
         ]
         columns = _columns(one, plant, sizes, added, WHITE)
@@ -127,7 +127,7 @@ class Errors(NamedTuple):
 
 
 def _before_and_after(columns: Array, by_others: Sequence[tuple[Rows, Array]]) -> Errors:
-    """Errors where pieces are foretold: rows, and the coefficients of each residual by other pieces."""
+    """Errors where folds are foretold: rows, and the coefficients of each residual by other folds."""
     asked = by_others[0][1].shape[0]
     before, counts = columns[:, -asked:].T, np.zeros(len(columns), np.bool_)
     after = np.zeros_like(before)
@@ -137,16 +137,16 @@ def _before_and_after(columns: Array, by_others: Sequence[tuple[Rows, Array]]) -
     return Errors(before, after, counts)
 
 
-def _pieces(parts: Sequence[WindowResidual], noise: NoiseColour, *, swept: bool) -> list[Piece]:
+def _folds(parts: Sequence[WindowResidual], noise: NoiseColour, *, swept: bool) -> list[Fold]:
     """Windows, or of a sweep parts of them, each longer than what does not repeat is alike."""
     every = [np.flatnonzero(noise.has_past(one.scored)) for one in parts]
     if not swept:
-        return [Piece(w, rows) for w, rows in enumerate(every)]
+        return [Fold(w, rows) for w, rows in enumerate(every)]
     length = BLACK_BOX.alike * noise.correlation
     out = []
     for w, rows in enumerate(every):
-        count = int(min(max(1.0, len(rows) / length), BLACK_BOX.most_pieces))
-        out += [Piece(w, each) for each in np.array_split(rows, count)]
+        count = int(min(max(1.0, len(rows) / length), BLACK_BOX.most_folds))
+        out += [Fold(w, each) for each in np.array_split(rows, count)]
     return out
 
 

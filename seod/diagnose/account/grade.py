@@ -23,7 +23,9 @@ def graded(before: float, after: float, adequacy: float, account: Account | None
     if not after < 1.0:
         return "useless"
     rest = _systematic(after, account)
-    nothing_shown = account is not None and account.systematic_nrmse == 0.0 and told_apart(account, after)
+    nothing_shown = (
+        account is not None and account.systematic_nrmse == 0.0 and would_have_shown(account, after)
+    )
     if adequacy < HELD_OUT.adequate or (nothing_shown and after <= before):
         return "down_to_noise"
     if after <= GRADE.design_error and rest <= GRADE.design_systematic:
@@ -31,7 +33,7 @@ def graded(before: float, after: float, adequacy: float, account: Account | None
     return "partly" if after < before else "useless"
 
 
-def told_apart(account: Account, after: float) -> bool:
+def would_have_shown(account: Account, after: float) -> bool:
     """Whether a systematic part of what is left would have been shown, had there been one that counts."""
     return account.asked and account.detectable_nrmse <= GRADE.told * after
 

@@ -56,7 +56,7 @@ def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
     Rows are foretold by their neighbours only, not across rows that do not count. Where so few neighbours are
     left that nothing can be foretold it is white.
     """
-    windows = [_stretches(one) for one in parts]
+    windows = [_segments(one) for one in parts]
     runs = [run for window in windows for run in window]
     sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))
     halves = (windows[::2], windows[1::2]) if len(windows) > 1 else _halved(windows[0])
@@ -69,13 +69,15 @@ def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
         return NoiseColour((), sd, 1.0)
     best, least = 0, math.inf
     for order in range(most + 1):
-        cost = sum(_surprise(_regressed(one, order), other, order) for one, other in (both, both[::-1]))
+        cost = sum(
+            _minus_log_likelihood(_regressed(one, order), other, order) for one, other in (both, both[::-1])
+        )
         if cost < least - NOISE_COLOUR.enough:
             best, least = order, cost
     return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
 
 
-def _stretches(one: WindowResidual) -> list[Array]:
+def _segments(one: WindowResidual) -> list[Array]:
     """What is left of a window but for its mean, cut where rows between neighbours do not count.
 
     Neighbours of a sensor that repeats its readings are as far apart as these last.
@@ -118,7 +120,7 @@ def _regressed(runs: Sequence[Array], order: int) -> Array:
     return np.asarray(np.linalg.lstsq(past, now)[0]) if order else np.empty(0)
 
 
-def _surprise(memory: Array, runs: Sequence[Array], order: int) -> float:
+def _minus_log_likelihood(memory: Array, runs: Sequence[Array], order: int) -> float:
     """Negative log likelihood of samples with the variance that is their own, but for a constant."""
     past, now = _rows(runs, order)
     return 0.5 * len(now) * math.log(max(float(np.mean((now - past @ memory) ** 2)), 1e-300))

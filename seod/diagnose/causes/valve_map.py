@@ -82,7 +82,7 @@ def _of_saturation(values: Values, s: Scales) -> Values:
     return _as_map(values, s, 0.5 * limit / s.volts, limit / s.volts, lambda at: np.clip(at, -limit, limit))
 
 
-def _of_overlap(values: Values, s: Scales) -> Values:
+def _of_deadband(values: Values, s: Scales) -> Values:
     """A map with a deadband, and a corner half way from there to its end."""
     half, part = values["valve_deadband.half_width"], values["valve_deadband.half_width"] / s.volts
     return _as_map(values, s, part, 0.5 * (1.0 + part), lambda at: at - np.clip(at, -half, half))
@@ -105,7 +105,7 @@ def _only_saturates(values: Values, s: Scales) -> Values:
     return {"K_L": values["K_L"] * gain, "valve_saturation.limit": limit}
 
 
-def _only_overlaps(values: Values, s: Scales) -> Values:
+def _only_deadband(values: Values, s: Scales) -> Values:
     """The command from which a map begins, with the gain that it has between its corners."""
     at, up, down = _worth_of(values, s)
     worth = 0.5 * (up + down)
@@ -146,7 +146,7 @@ STATIC_VALVE_MAP: Final = Cause(
     within=_monotone,
     plain=(
         Plain("valve_saturation", becomes=_only_saturates, grows=_of_saturation, adds=False),
-        Plain("valve_deadband", becomes=_only_overlaps, grows=_of_overlap, adds=False),
+        Plain("valve_deadband", becomes=_only_deadband, grows=_of_deadband, adds=False),
         Plain("asymmetric_gain", becomes=_only_unequal, grows=_of_unequal, adds=False),
         Plain("null_shift", becomes=_only_shifted, adds=False),
     ),

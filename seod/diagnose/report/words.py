@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.account.grade import told_apart
+from seod.diagnose.account.grade import would_have_shown
 from seod.diagnose.causes.table import CAUSES, sentence
 from seod.diagnose.report.units import Units
 from seod.diagnose.tuning.fitting import HELD_OUT
@@ -123,7 +123,7 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
         f"Of the baseline's squared error {explained} is explained, {least}{systematic} systematic and "
         f"unnamed{by}, {rest} not repeatable."
     )
-    if account.systematic == 0.0 and not told_apart(account, d.extended.holdout_nrmse):
+    if account.systematic == 0.0 and not would_have_shown(account, d.extended.holdout_nrmse):
         unseen = min(account.detectable_nrmse, d.extended.holdout_nrmse)
         yield (
             f"So few rows cannot tell whether that is noise: a systematic part of {percent(unseen)} of the "

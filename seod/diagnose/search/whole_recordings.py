@@ -43,7 +43,7 @@ def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
             for one in _fitted(best, parent, screen, over)
             if one.cost < parent.cost - WHOLE_RECORDINGS.least_saving
         )
-        found = next((one for one in saving if not over() and shown(parent, one, screen)), None)
+        found = next((one for one in saving if not over() and gains_in_windows(parent, one, screen)), None)
         if found is None:
             break
         grown.append(found)
@@ -58,7 +58,7 @@ def one_more(parent: Fitted, screen: Screen, over: Callable[[], bool], most: int
     return _fitted(promising(parent, more, screen)[:most], parent, screen, over)
 
 
-def shown(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
+def gains_in_windows(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
     """Whether windows gain by what one effect more saves of whole recordings.
 
     There a single event shifts all that comes after it, where the plant integrates: whatever happens to make

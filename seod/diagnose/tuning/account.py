@@ -26,10 +26,10 @@ class BlackBox:
     correlations: float = 2.0
     """[-] Correlation times in such a part, at least: shorter ones would not be independent. Chosen."""
     alike: float = 5.0
-    """[-] Correlation times of what is left in a piece of a sweep's window, at least: what is alike in it and
+    """[-] Correlation times of what is left in a fold of a sweep's window, at least: what is alike in it and
     beside it would foretell itself. Chosen."""
-    most_pieces: int = 16
-    """[pieces] Of such a window, at most. Chosen."""
+    most_folds: int = 16
+    """[folds] Of such a window, at most. Chosen."""
     sharp: float = 0.05
     """[-] Part of the largest speed or command at which its sign is taken for a step. Chosen."""
     waves: int = 4

@@ -198,7 +198,7 @@ def trimmed(searched: Searched) -> Searched:
 
     Those that differ little from their neighbours are told by a model only.
     """
-    near, seen = _near(searched.chosen.held), _near(searched.seen)
+    near, seen = _without_outliers(searched.chosen.held), _without_outliers(searched.seen)
     chosen = replace(searched.chosen, held=replace(searched.chosen.held, scored=near))
     return replace(
         searched,
@@ -208,7 +208,7 @@ def trimmed(searched: Searched) -> Searched:
     )
 
 
-def _near(held: HeldOut) -> Mask:
+def _without_outliers(held: HeldOut) -> Mask:
     """Rows that count, but for those far off, if these are few."""
     noise = np.repeat(held.cut.floor, held.cut.sizes)
     near = held.scored & (np.abs(held.cut.y - held.simulated) <= ANSWER.outlier_beyond * noise)

@@ -75,14 +75,14 @@ def found_effects(
                 parameters=_numbers(chosen.last, name, spread),
                 gain=Gain(rest.held.nrmse, chosen.held.nrmse),
                 p_value=p_value(rest.held, chosen.held, causes),
-                indistinguishable_from=_besides(name, others),
-                holdout=_told_again(chosen, name),
+                indistinguishable_from=_indistinguishable(name, others),
+                holdout=_in_other_recordings(chosen, name),
             )
         )
     if chosen.drift is not None and OFFSET not in {each.name for each in out}:
         numbers = effect_parameters(chosen.last, OFFSET, spread)
         gain = Gain(chosen.drift.without, chosen.drift.with_it)
-        again = _told_again(chosen, OFFSET)
+        again = _in_other_recordings(chosen, OFFSET)
         out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value, holdout=again))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
@@ -92,13 +92,13 @@ def answered_as(name: str) -> str:
     return EFFECTS[name].counts_as or name
 
 
-def _besides(name: str, others: Sequence[str]) -> tuple[str, ...]:
+def _indistinguishable(name: str, others: Sequence[str]) -> tuple[str, ...]:
     """Names that the answer lists beside this effect, each once."""
     names = dict.fromkeys(answered_as(other) for other in others)
     return tuple(other for other in names if other != answered_as(name))
 
 
-def _told_again(chosen: Chosen, name: str) -> tuple[dict[str, Parameter], ...]:
+def _in_other_recordings(chosen: Chosen, name: str) -> tuple[dict[str, Parameter], ...]:
     """Parameters of an effect by each recording that no fit had seen; none where too little of one counts."""
     return tuple({} if one is None else _numbers(one, name, covariance(one)) for one in chosen.again)
 

@@ -109,7 +109,7 @@ def _for(
     best: tuple[float, Excitation] | None = None
     for excitation in excitations(model.values(x)["omega_n"], volts, tick):
         run = perform(record, excitation, t)
-        apart = _apart(rivals, run, noise)
+        apart = _least_misfit(rivals, run, noise)
         if best is None or apart > best[0]:
             best = apart, excitation
         if apart > NEXT_EXPERIMENT.misses_by:
@@ -121,7 +121,7 @@ def _for(
     )
 
 
-def _apart(rivals: Sequence[Rival], run: Run, noise: float) -> float:
+def _least_misfit(rivals: Sequence[Rival], run: Run, noise: float) -> float:
     """What the nearest rival leaves, over the noise; those after one that comes near do not matter."""
     least = math.inf
     for each in rivals:
