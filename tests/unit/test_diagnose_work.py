@@ -7,6 +7,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from threading import get_ident
 
 import numpy as np
 import pytest
@@ -55,14 +56,16 @@ def test_a_simulation_says_whether_it_has_an_orifice(monkeypatch, effects, orifi
 
 @pytest.mark.parametrize("workers", [1, 2, 7])
 def test_each_task_sees_its_own_work_and_all_of_it_counts(workers):
-    def task(rows):
-        spend(0.0, rows)
-        inner = list(counted(map)(lambda more: (spend(0.0, more), used_s())[1], [rows, rows]))
-        return used_s(), inner
-
     begun = used_s()
     with ThreadPoolExecutor(workers) as pool:
-        seen = list(counted(pool.map)(task, range(0, 9_000_000, 1_000_000)))
+        parallel = counted(pool.map)
+
+        def task(rows):
+            spend(0.0, rows)
+            inner = parallel(lambda more: (spend(0.0, more), used_s())[1], [rows, rows])
+            return used_s(), inner
+
+        seen = parallel(task, range(0, 9_000_000, 1_000_000))
     simulation_s = [
         1e-9 * (WORK.simulation_ns + rows * WORK.row_ns) for rows in range(0, 9_000_000, 1_000_000)
     ]
@@ -70,6 +73,21 @@ def test_each_task_sees_its_own_work_and_all_of_it_counts(workers):
     for (_, inner), each in zip(seen, simulation_s, strict=True):
         assert [one - begun for one in inner] == pytest.approx([2.0 * each, 2.0 * each])
     assert used_s() - begun == pytest.approx(3.0 * sum(simulation_s))
+
+
+def test_trials_within_a_trial_take_no_core_from_others():
+    with ThreadPoolExecutor(4) as pool:
+        parallel = counted(pool.map)
+
+        def threads(count):
+            return set(parallel(lambda _: get_ident(), range(count)))
+
+        assert get_ident() not in threads(9)
+        assert [*threads(1), *parallel(threads, [1])[0]] == [get_ident()] * 2
+        for own, within in parallel(lambda _: (get_ident(), threads(9)), range(9)):
+            assert within == {own}
+        (within,) = parallel(threads, [9])
+        assert get_ident() not in within
 
 
 def test_the_clock_of_the_wall_is_a_safety_stop_and_says_so():

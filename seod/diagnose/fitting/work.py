@@ -1,4 +1,4 @@
-"""How much was simulated: a clock that runs alike on every machine, idle or busy, on one core or on many.
+"""Trials side by side, and how much they simulate: a clock that runs alike on one core and on many.
 
 It counts what simulations do (steps of the kernel, rows, simulations), in what each takes on a usual machine,
 whole nanoseconds. Whoever works side by side counts by itself, from where all began, so that nobody's answer
@@ -22,6 +22,8 @@ Made = TypeVar("Made")
 
 
 _used_ns: ContextVar[int] = ContextVar("used_ns", default=0)
+_side_by_side: ContextVar[bool] = ContextVar("side_by_side", default=False)
+"""Whether this is a trial among others: each has a core then, and trials within it would wait for theirs."""
 
 
 def spend(steps: float, rows: int, *, orifice: bool = False) -> None:
@@ -36,19 +38,23 @@ def used_s() -> float:
 
 
 def counted(parallel: ParallelMap) -> ParallelMap:
-    """A map over trials that counts what each of them uses, whatever thread it runs in."""
+    """A map over trials that counts what each of them uses, whatever thread it runs in.
+
+    A single trial, and those within one of several, run where they are.
+    """
 
     def mapped(act: Callable[[One], Made], some: Iterable[One]) -> list[Made]:
-        begun = _used_ns.get()
+        some, begun, within = list(some), _used_ns.get(), _side_by_side.get()
 
         def alone(one: One) -> tuple[Made, int]:
-            token = _used_ns.set(begun)
+            used, among = _used_ns.set(begun), _side_by_side.set(within or len(some) > 1)
             try:
                 return act(one), _used_ns.get() - begun
             finally:
-                _used_ns.reset(token)
+                _used_ns.reset(used)
+                _side_by_side.reset(among)
 
-        made = list(parallel(alone, some))
+        made = list((map if within or len(some) == 1 else parallel)(alone, some))
         _used_ns.set(begun + sum(used for _, used in made))
         return [what for what, _ in made]
 

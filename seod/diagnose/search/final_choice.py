@@ -98,7 +98,7 @@ def _climbed(best: Judged, held_out: Cut, screen: Screen, over: Callable[[], boo
 
 
 def _refined(some: Sequence[Fitted], cut: Cut, screen: Screen) -> list[Fitted]:
-    return screen.side_by_side(lambda one, within: refined(one, cut, within), some)
+    return list(screen.parallel(lambda one: refined(one, cut, screen), some))
 
 
 def _looked_at(grown: Grown) -> list[list[Fitted]]:

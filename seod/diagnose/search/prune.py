@@ -124,7 +124,7 @@ def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
 def _rest(fitted: Fitted, tried: Tried, held_out: Cut, screen: Screen) -> dict[str, Judged]:
     """By its name the set without each effect."""
     names = fitted.model.names
-    without = screen.side_by_side(lambda name, within: _pruned(fitted, name, tried, held_out, within), names)
+    without = screen.parallel(lambda name: _pruned(fitted, name, tried, held_out, screen), names)
     return dict(zip(names, without, strict=True))
 
 

@@ -1,9 +1,9 @@
-"""Windows for trying causes, and what trials need: how they are mapped, and how long they may take."""
+"""Windows for trying causes, and what all trials need."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,15 +12,12 @@ from seod.diagnose.starts.relay.grid import grid_plants
 from seod.diagnose.tuning.search import SCREEN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable
 
     from seod.diagnose.fitting.least_squares import ParallelMap
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.starts.relay.plant import GridPlant
-
-One = TypeVar("One")
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +39,6 @@ class Screen:
     parallel: ParallelMap
     budget: Budget
     grid_plants: tuple[GridPlant, ...] = ()
-
-    def side_by_side(self, act: Callable[[One, Screen], Made], some: Sequence[One]) -> list[Made]:
-        """What comes of each: one on each core, where the trials of a single one would wait for each other.
-
-        `act` is given the screen to use within.
-        """
-        if len(some) == 1:
-            return [act(some[0], self)]
-        alone = replace(self, parallel=map)
-        return list(self.parallel(lambda one: act(one, alone), some))
 
     def plants(self, model: Model, names: Iterable[str]) -> list[GridPlant]:
         """Those of the grid that a set of these effects may begin from, with the sign of the model's gain."""

@@ -150,6 +150,6 @@ def _in_place_of(
     reach = refined(fitted, few, screen).cost + FOUND_EFFECTS.near * least_gain(few)
     near = [one for one in siblings if one.cost < reach]
     near += alike(fitted, name, screen)
-    own, *near = screen.side_by_side(lambda one, within: refined(one, every, within), [fitted, *near])
+    own, *near = screen.parallel(lambda one: refined(one, every, screen), [fitted, *near])
     good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
     return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))
