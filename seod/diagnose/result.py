@@ -426,6 +426,11 @@ class Diagnosis:
         """Whether what was found changes the simulation: defects of a record do not."""
         return any(not np.array_equal(w.y_baseline, w.y_extended) for w in self.windows)
 
+    @property
+    def models(self) -> tuple[tuple[str, Score], ...]:
+        """By name: the baseline and, where it simulates something else, the extended model."""
+        return (("baseline", self.baseline), ("extended", self.extended))[: 2 if self.extends else 1]
+
     def share(self, effect: FoundEffect) -> float:
         """Part of the baseline's held-out squared error above the noise that comes back without an effect.
 

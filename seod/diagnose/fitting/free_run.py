@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> tuple[FreeRun, ...]:
     """Errors of one simulation of each series; those after the first `fitted` were in no fit."""
-    every = Cut(series, tuple((k, 0, len(one.t)) for k, one in enumerate(series)))
+    every = Cut(series, whole_series(series))
     placed = simulate(model.record(x), every, measured_places(every))
     out = []
     for k, (one, rows) in enumerate(zip(series, every.slices, strict=True)):

@@ -19,7 +19,7 @@ from seod.diagnose.tuning.record import WINDOWS
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.model import Model
-    from seod.diagnose.result import Array, Mask
+    from seod.diagnose.result import Array, Mask, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +61,14 @@ class HeldOut:
         return float(np.sqrt(np.mean(self.error[self.scored] ** 2)))
 
     @property
+    def counts(self) -> Rows:
+        """Rows of each window that count, shape (w,)."""
+        return np.array([self.scored[p].sum() for p in self.cut.slices])
+
+    @property
     def adequacy(self) -> float:
         """Mean squared error over the noise's: 1 where nothing but noise is left."""
-        count = np.array([self.scored[p].sum() for p in self.cut.slices])
-        return float(count @ (self.square / self.cut.allowed**2) / count.sum())
+        return float(self.counts @ (self.square / self.cut.allowed**2) / self.counts.sum())
 
     @property
     def log_error(self) -> float:
@@ -81,7 +85,7 @@ class HeldOut:
     def floor(self) -> float:
         """NRMSE of a perfect model."""
         y = self.cut.y
-        noisy = sum(s**2 * self.scored[p].sum() for s, p in zip(self.cut.floor, self.cut.slices, strict=True))
+        noisy = sum(s**2 * count for s, count in zip(self.cut.floor, self.counts, strict=True))
         return math.sqrt(noisy / max(_spread([(y[p], self.scored[p]) for p in self.cut.slices]), 1e-300))
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def figures(d: Diagnosis, unit: str) -> str:
     """Errors and the plant's numbers, before and, if anything was found, after."""
-    models = [("baseline", d.baseline), ("extended", d.extended)][: 2 if d.extends else 1]
+    models = d.models
     told: list[tuple[str, Callable[[Score], str]]] = [
         ("held-out error (NRMSE)", _held_out),
         ("whole recording in one simulation", _whole),

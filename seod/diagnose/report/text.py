@@ -41,8 +41,7 @@ def _figures(d: Diagnosis, unit: str) -> Table:
     gain = f"K_L [{Units.of(unit, d.output).gain}]"
     for title in ("", "held-out error [95 %]", "whole", "omega_n [rad/s]", "zeta", gain):
         table.add_column(title, justify="right" if title else "left", no_wrap=True)
-    models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
-    for title, score in models:
+    for title, score in d.models:
         table.add_row(title, *_score(score))
         if score.common is not None:
             table.add_row(*_common(d, score.common, unit))
@@ -61,7 +60,7 @@ def _common(d: Diagnosis, common: Common, unit: str) -> list[str]:
 def _free_runs(d: Diagnosis, unit: str) -> Table:
     """Errors of whole recordings, each in one simulation."""
     table = Table(box=box.SIMPLE, pad_edge=False)
-    models = (("baseline", d.baseline), ("extended", d.extended))[: 2 if d.extends else 1]
+    models = d.models
     for title in ("", *(name for name, _ in models)):
         table.add_column(title, justify="right" if title else "left", no_wrap=True)
     for k, which in enumerate(free_run_names(d, unit)):

@@ -59,8 +59,7 @@ def _fraction(before: float, after: float, extended: HeldOut) -> Unexplained:
 
 
 def _above_noise(held: HeldOut) -> float:
-    count = np.array([held.scored[p].sum() for p in held.cut.slices])
-    return float(count @ (held.square - held.cut.allowed**2))
+    return float(held.counts @ (held.square - held.cut.allowed**2))
 
 
 def _shares(held: HeldOut) -> dict[str, float]:
