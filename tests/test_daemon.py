@@ -1,11 +1,13 @@
-"""The daemon on the virtual rig as real processes: any of the three may die, hang or be stopped."""
+"""The daemon on the virtual rig as real processes: any of the three may die, hang or be stopped.
+
+What it goes on after, with the rig file as it is, stands in `test_daemon_goes_on`, so that one daemon serves.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
 import socket
-import time
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.peers import Program, Rpc, find_process, kill, port_of, port_open, until, write_rig_file
+from tests.peers import Program, Rpc, RpcError, find_process, port_of, port_open, until, write_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,9 +31,13 @@ def rig_file(tmp_path: Path) -> Path:
 class Daemon:
     def __init__(self, rig_file: Path, *arguments: str) -> None:
         self.program = Program(rig_file.with_name("log"), "run", rig_file, *arguments)
-        self.port = port_of(rig_file)
+        self.rig_file, self.port = rig_file, port_of(rig_file)
         until("the port", lambda: port_open(self.port) or self.program.process.poll() is not None)
         assert self.program.process.poll() is None, self.program.said()
+        self.connect()
+
+    def connect(self) -> None:
+        """Be a new client, once its loop is heard."""
         self.rpc = Rpc(self.port)
         until("the loop", self.loop_is_heard)
         self.rpc.call("subscribe", topics=["event", "estimate"])
@@ -60,6 +66,20 @@ class Daemon:
         )["params"]
         return params
 
+    def recover(self) -> None:
+        """Out of a fault, and idle."""
+        until("reset or stop", self._recovers)
+        until("idle", lambda: self.state() == "idle")
+
+    def _recovers(self) -> bool:
+        """A reset is refused while the fault's cause is still there."""
+        try:
+            self.rpc.call("reset" if self.state() == "fault" else "stop")
+        except RpcError as why:
+            print(why)
+            return False
+        return True
+
 
 @contextmanager
 def running(rig_file: Path, *arguments: str) -> Iterator[Daemon]:
@@ -72,6 +92,17 @@ def running(rig_file: Path, *arguments: str) -> Iterator[Daemon]:
         print(daemon.program.said())
 
 
+@contextmanager
+def spoken_to(daemon: Daemon) -> Iterator[Daemon]:
+    """A daemon that others have as well, with a client of one's own; idle again at the end."""
+    daemon.connect()
+    try:
+        yield daemon
+        daemon.recover()
+    finally:
+        daemon.rpc.close()
+
+
 def alive(pid: int) -> bool:
     """Whether a process runs; one that only waits to be reaped does not."""
     try:
@@ -82,19 +113,6 @@ def alive(pid: int) -> bool:
 
 def no_children_left(pid: int) -> bool:
     return not any(find_process(module, pid) for module in ("seod.loop", "seod.gateway"))
-
-
-def test_estimates_are_the_rigs_truth(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        daemon.excite()
-        truth = daemon.rpc.call("info")["truth"]["motor"]
-        deadline = time.monotonic() + 3.0
-        while time.monotonic() < deadline:
-            estimate = daemon.estimate()
-        assert estimate["omega_n"] == pytest.approx(truth["omega_n"], rel=0.02)
-        assert estimate["zeta"] == pytest.approx(truth["zeta"], rel=0.02)
-        daemon.rpc.call("stop")
-        until("idle", lambda: daemon.state() == "idle")
 
 
 def test_sigterm_ends_all_of_it(rig_file: Path) -> None:
@@ -113,59 +131,6 @@ def test_sigterm_ends_all_of_it(rig_file: Path) -> None:
 def test_time_given_is_time_run(rig_file: Path) -> None:
     program = Program(rig_file.with_name("log"), "run", rig_file, "--for", "0.5")
     assert program.wait() == 0, program.said()
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
-def test_dead_or_hung_loop_is_a_fault_that_a_reset_ends(rig_file: Path, number: signal.Signals) -> None:
-    with running(rig_file) as daemon:
-        daemon.excite()
-        loop = daemon.child("seod.loop")
-        os.kill(loop, number)
-        fault = daemon.rpc.event(event="fault")
-        assert "loop process" in fault["why"]
-        assert {signal.SIGKILL: "SIGKILL", signal.SIGSTOP: "hung", signal.SIGTERM: "exit"}[number] in fault[
-            "why"
-        ]
-        assert daemon.state() == "fault"
-        until("its end, fenced or not", lambda: not alive(loop))
-        kill(loop, signal.SIGCONT)
-        daemon.rpc.call("reset")
-        until("the next loop", lambda: daemon.state() == "idle")
-        assert daemon.child("seod.loop") != loop
-        daemon.excite()
-        assert daemon.estimate()["omega_n"] == pytest.approx(117.0, rel=0.05)
-
-
-def test_dead_gateway_stops_the_rig_and_comes_back(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        daemon.excite()
-        gateway = daemon.child("seod.gateway")
-        os.kill(gateway, signal.SIGKILL)
-        until("another gateway", lambda: find_process("seod.gateway", daemon.program.pid) not in (0, gateway))
-        until("its port", lambda: port_open(daemon.port))
-        daemon.rpc.close()
-        daemon.rpc = Rpc(daemon.port)
-        until("the fault", lambda: daemon.state() == "fault")
-        assert "gateway" in daemon.rpc.call("get", axis="motor")["fault"]["why"]
-        daemon.rpc.call("reset")
-        daemon.excite()
-
-
-def test_a_gateway_that_starts_after_the_loop_died_knows_of_it(rig_file: Path) -> None:
-    """Else a reset waits for a loop that is not there, for good."""
-    with running(rig_file) as daemon:
-        daemon.excite()
-        gateway = daemon.child("seod.gateway")
-        os.kill(daemon.child("seod.loop"), signal.SIGKILL)
-        until("the fault", lambda: daemon.state() == "fault")
-        os.kill(gateway, signal.SIGKILL)
-        until("another gateway", lambda: find_process("seod.gateway", daemon.program.pid) not in (0, gateway))
-        until("its port", lambda: port_open(daemon.port))
-        daemon.rpc.close()
-        daemon.rpc = Rpc(daemon.port)
-        until("the fault", lambda: daemon.state() == "fault")
-        daemon.rpc.call("reset")
-        daemon.excite()
 
 
 def set_guard(rig_file: Path, **values: str) -> None:
@@ -197,52 +162,6 @@ def test_hung_gateway_is_killed_and_the_rig_file_says_what_the_rig_does(rig_file
         assert "hung: no turn for 500 ms" in daemon.program.said()
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
-def test_who_holds_the_rig_and_falls_silent_or_goes_stops_it(rig_file: Path, end: signal.Signals) -> None:
-    set_guard(rig_file, dead_man="1 s")
-    with running(rig_file) as daemon:
-        holder = Program(rig_file.with_name("holder"), "start", "--hold", "--port", str(daemon.port))
-        try:
-            until("the relay", lambda: daemon.state() == "exciting")
-            began = time.monotonic()
-            until("three times the dead man's time", lambda: time.monotonic() > began + 3.0)
-            assert daemon.state() == "exciting"
-            holder.process.send_signal(end)
-            fault = {} if end is signal.SIGINT else daemon.rpc.event(event="fault")
-            told = {
-                signal.SIGKILL: "the client that held the rig",
-                signal.SIGSTOP: "no client called keepalive",
-            }
-            assert told.get(end, "") in fault.get("why", "")
-            assert fault.get("code") in (None, "dead_man")
-            if end is signal.SIGINT:
-                assert holder.wait() == 0, holder.said()
-                assert daemon.state() == "idle"
-        finally:
-            kill(holder.process.pid, signal.SIGCONT)
-            holder.stop()
-
-
-def test_a_rig_that_nobody_holds_stops_after_its_time(rig_file: Path) -> None:
-    set_guard(rig_file, dead_man="300 ms")
-    with running(rig_file) as daemon:
-        daemon.rpc.call("start")
-        assert daemon.rpc.event(event="fault")["code"] == "dead_man"
-
-
-def test_a_dead_process_that_estimates_is_the_gateways_end(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        daemon.excite()
-        gateway = daemon.child("seod.gateway")
-        kill(find_process("seod.observe", gateway), signal.SIGKILL)
-        until("another gateway", lambda: find_process("seod.gateway", daemon.program.pid) not in (0, gateway))
-        until("its port", lambda: port_open(daemon.port))
-        daemon.rpc.close()
-        daemon.rpc = Rpc(daemon.port)
-        until("the fault", lambda: daemon.state() == "fault")
-        assert "the process that estimates has ended" in daemon.program.said()
-
-
 def test_dead_supervisor_takes_the_others_along(rig_file: Path) -> None:
     with running(rig_file) as daemon:
         daemon.excite()
@@ -250,34 +169,6 @@ def test_dead_supervisor_takes_the_others_along(rig_file: Path) -> None:
         daemon.program.process.kill()
         daemon.program.process.wait()
         until("their end", lambda: not any(map(alive, children)))
-
-
-def test_supervisor_that_stands_still_is_a_fault_and_may_go_on(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        daemon.excite()
-        loop, pid = daemon.child("seod.loop"), daemon.program.pid
-        os.kill(pid, signal.SIGSTOP)
-        try:
-            fault = daemon.rpc.event(event="fault")
-            assert fault["code"] == "supervisor"
-            assert daemon.state() == "fault"
-            daemon.rpc.call("reset")
-            assert daemon.rpc.event(event="fault")["code"] == "supervisor", "while it still stands still"
-        finally:
-            os.kill(pid, signal.SIGCONT)
-        until("idle", lambda: daemon.rpc.call("reset") and daemon.state() == "idle")
-        daemon.excite()
-        assert daemon.estimate()["omega_n"] == pytest.approx(117.0, rel=0.05)
-        assert daemon.child("seod.loop") == loop, "the loop that went on is the one that writes"
-        assert not [m for m in daemon.rpc.heard if m["params"].get("code") == "loop_died"]
-
-
-def test_second_daemon_on_the_rig_is_refused_by_name(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        second = Program(rig_file.with_name("second"), "run", rig_file)
-        assert second.wait() == 1
-        assert f"run already by process {daemon.program.pid}" in second.said()
-        assert daemon.state() == "idle"
 
 
 def test_taken_port_is_said_and_nothing_is_left(rig_file: Path) -> None:
@@ -323,25 +214,3 @@ def test_rates_and_paces(rig_file: Path, rate: int, pace: str) -> None:
         after = daemon.rpc.call("status")["health"]
         ticks = (after["ticks"] - before["ticks"]) / (after["t"] - before["t"])
         assert ticks == pytest.approx(rate, rel=0.25)  # a busy machine skips ticks
-
-
-def test_what_estimates_is_never_real_time_and_the_gateway_is_behind_the_loop(rig_file: Path) -> None:
-    with running(rig_file) as daemon:
-        realtime = daemon.rpc.call("info")["realtime"]
-        gateway = daemon.child("seod.gateway")
-        processes = {
-            "supervisor": daemon.program.pid,
-            "loop": daemon.child("seod.loop"),
-            "gateway": gateway,
-            "observer": find_process("seod.observe", gateway),
-        }
-        policies = {
-            name: os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK for name, pid in processes.items()
-        }
-        priorities = {name: os.sched_getparam(pid).sched_priority for name, pid in processes.items()}
-    assert policies["observer"] == os.SCHED_OTHER
-    if realtime["ok"]:
-        assert policies["loop"] == policies["supervisor"] == os.SCHED_FIFO
-        assert priorities["gateway"] < priorities["loop"] < priorities["supervisor"]
-    else:
-        assert any("refused" in why for why in realtime["why"])
