@@ -102,6 +102,22 @@ class Rpc:
         self.socket.close()
 
 
+def recover(rpc: Rpc, axis: str = "motor") -> None:
+    """Bring an axis out of a fault, or stop it, and wait until it is idle."""
+    until("reset or stop", lambda: _recovers(rpc, axis))
+    until("idle", lambda: rpc.call("get", axis=axis)["state"] == "idle")
+
+
+def _recovers(rpc: Rpc, axis: str) -> bool:
+    """A reset is refused while the fault's cause is still there."""
+    try:
+        rpc.call("reset" if rpc.call("get", axis=axis)["state"] == "fault" else "stop")
+    except RpcError as why:
+        print(why)
+        return False
+    return True
+
+
 def _near_zero(message: Json, axis: str, within: float) -> bool:
     sample = message["params"] if message.get("method") == "sample" else {}
     return sample.get("axis") == axis and sample["y"] is not None and abs(sample["y"]) < within

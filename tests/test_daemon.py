@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.peers import Program, Rpc, RpcError, find_process, port_of, port_open, until, write_rig_file
+from tests.peers import Program, Rpc, find_process, port_of, port_open, recover, until, write_rig_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,20 +66,6 @@ class Daemon:
         )["params"]
         return params
 
-    def recover(self) -> None:
-        """Out of a fault, and idle."""
-        until("reset or stop", self._recovers)
-        until("idle", lambda: self.state() == "idle")
-
-    def _recovers(self) -> bool:
-        """A reset is refused while the fault's cause is still there."""
-        try:
-            self.rpc.call("reset" if self.state() == "fault" else "stop")
-        except RpcError as why:
-            print(why)
-            return False
-        return True
-
 
 @contextmanager
 def running(rig_file: Path, *arguments: str) -> Iterator[Daemon]:
@@ -98,7 +84,7 @@ def spoken_to(daemon: Daemon) -> Iterator[Daemon]:
     daemon.connect()
     try:
         yield daemon
-        daemon.recover()
+        recover(daemon.rpc)
     finally:
         daemon.rpc.close()
 
