@@ -14,7 +14,7 @@ from seod.diagnose.pipeline import Options, diagnose
 
 pytestmark = [pytest.mark.blind, pytest.mark.timeout(400)]
 
-PLANT, T, VOLTS, NOISE = (12.0, 60.0, 0.4), np.arange(0.0, 12.0, 1e-3), 2.0, 0.003
+PLANT, T, VOLTS, NOISE = (12.0, 60.0, 0.4), np.arange(0.0, 6.0, 1e-3), 2.0, 0.003
 
 
 def told_of(effects):
