@@ -38,6 +38,10 @@ def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.timeout(300)
 def test_the_command_finds_the_truth_and_writes_it(rig_file: Path) -> None:
     before = rig_file.read_text()
+    for old, new in (("rate_hz: 2000 ", "rate_hz: 1000 "), ("count: 150,", "count: 75,")):
+        assert before.count(old) == 1, old
+        before = before.replace(old, new)
+    rig_file.write_text(before)
     command = [sys.executable, "-m", "seod.cli", "calibrate", str(rig_file), "--yes", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=280)
     assert done.returncode == 0, done.stderr
