@@ -283,10 +283,17 @@ class Account:
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Held-out NRMSE of models without physics, simulated freely over the same windows."""
+    """Models without physics, simulated freely over the same windows.
+
+    Attributes:
+        arx: Held-out NRMSE of a linear one.
+        narx: Of a nonlinear one.
+        changes_with: The state that the latter's weights change with; None where its terms are bent.
+    """
 
     arx: float
     narx: float
+    changes_with: str | None = None
 
     @property
     def best(self) -> float:
@@ -295,7 +302,11 @@ class Yardstick:
 
     def as_json(self) -> dict[str, Any]:
         """By name."""
-        return {"arx": finite_or_none(self.arx), "narx": finite_or_none(self.narx)}
+        return {
+            "arx": finite_or_none(self.arx),
+            "narx": finite_or_none(self.narx),
+            "changes_with": self.changes_with,
+        }
 
 
 @dataclass(frozen=True, slots=True)

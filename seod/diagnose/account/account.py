@@ -94,7 +94,7 @@ def accounted(
         noise_correlation_s=shown.noise.correlation * held.cut.series[0].tick,
         on_load=shown.on_load,
     )
-    return account, None if other is None else Yardstick(other.arx, other.narx)
+    return account, None if other is None else Yardstick(other.arx, other.narx, other.changes_with)
 
 
 def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual], noise: NoiseColour) -> bool:

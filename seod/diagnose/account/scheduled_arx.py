@@ -7,7 +7,7 @@ order are those with which parts of the windows are simulated best by fits of th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from seod.diagnose.account.arx import Arx, Run
     from seod.diagnose.result import Array, Rows
 
-STATES = 3
-"""Position, speed and its change."""
+STATES: Final = ("position", "speed", "change of speed")
+"""That weights may change with."""
 
 
 class Form(NamedTuple):
@@ -29,7 +29,7 @@ class Form(NamedTuple):
 
     Attributes:
         linear: The ARX whose terms have such weights; of a position by its changes.
-        by: Position 0, speed 1 or its change 2.
+        by: Which of `STATES`.
         knots: Values of it, ascending, between which weights run straight, shape (k,).
     """
 
@@ -40,7 +40,7 @@ class Form(NamedTuple):
     @property
     def reach(self) -> int:
         """Samples that a step looks back."""
-        return max(self.linear.order + 1, STATES)
+        return max(self.linear.order + 1, len(STATES))
 
     def terms(self, y: Array, u: Array, place: Array, at: Rows | int) -> Array:
         """Each linear term times the nearness of each knot, shape (n, columns)."""
@@ -125,7 +125,7 @@ def _forms(parts: Sequence[Run], *, sees_speed: bool, tells_its_place: bool) -> 
     rows = sum(len(part.y) for part in parts)
     every = [fitted_arx(parts, order, not sees_speed) for order in YARDSTICK.orders] if parts else []
     for linear in (one for one in every if one is not None):
-        for by in range(0 if tells_its_place else 1, STATES):
+        for by in range(0 if tells_its_place else 1, len(STATES)):
             form = Form(linear, by, np.empty(0))
             values = [form.state(p.y, p.place, np.arange(form.reach, len(p.y))) for p in parts]
             low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)

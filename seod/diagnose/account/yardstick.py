@@ -16,7 +16,7 @@ import numpy as np
 from seod.diagnose.account.arx import fitted_arx, runs_of
 from seod.diagnose.account.narx import fitted_narx
 from seod.diagnose.account.residual import compared, fewer_shown, tells_its_place
-from seod.diagnose.account.scheduled_arx import fitted_scheduled_arx
+from seod.diagnose.account.scheduled_arx import STATES, fitted_scheduled_arx
 from seod.diagnose.fitting.held_out import nrmse
 from seod.diagnose.tuning.account import SCHEDULED, SYSTEMATIC, YARDSTICK
 
@@ -42,12 +42,14 @@ class Reached:
         narx: Of the better nonlinear one.
         simulated: The best one's readings there, windows end to end, shape (n,).
         foretold: Its readings of windows that were fitted, by fits of other parts, likewise; nan where none.
+        changes_with: The state that the nonlinear one's weights change with; None where its terms are bent.
     """
 
     arx: float
     narx: float
     simulated: Array
     foretold: Array
+    changes_with: str | None = None
 
 
 def beaten(
@@ -95,6 +97,36 @@ def _pairs(held: HeldOut, simulated: Array) -> list[Pair]:
 
 def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:
     """None where the windows are too short for it."""
+    linear = _best_arx(to_fit)
+    if linear is None:
+        return None
+    stride, arx = linear
+    runs, asked = runs_of(to_fit, stride), runs_of(held_out, stride)
+    tried = [fitted_narx(runs, arx, ridge) for ridge in YARDSTICK.ridges]
+    narx = min(tried, key=lambda one: _error(one, to_fit, runs)[0])
+    plain, bent = (_reached(one, held_out, asked) for one in (arx, narx))
+    every = [plain, bent, *_scheduled(to_fit, held_out)]
+    best, curved = (min(some, key=lambda one: one.error) for some in (every, every[1:]))
+    nowhere = np.full(len(to_fit.y), math.nan)
+    foretold = nowhere if best.foretold is None else best.foretold
+    return Reached(plain.error, curved.error, best.simulated, foretold, curved.changes_with)
+
+
+class _Tried(NamedTuple):
+    """A model's error and readings on windows held out; of one with parts what these were foretold."""
+
+    error: float
+    simulated: Array
+    foretold: Array | None = None
+    changes_with: str | None = None
+
+
+def _reached(model: Arx | Narx | ScheduledArx, held_out: Cut, runs: Sequence[Run | None]) -> _Tried:
+    return _Tried(*_error(model, held_out, runs))
+
+
+def _best_arx(to_fit: Cut) -> tuple[int, Arx] | None:
+    """Rows that become a sample, and the ARX that simulates the windows to fit best."""
     best: tuple[float, int, Arx] | None = None
     for stride in _strides(to_fit, YARDSTICK.rates):
         runs = runs_of(to_fit, stride)
@@ -104,28 +136,24 @@ def yardstick(to_fit: Cut, held_out: Cut) -> Reached | None:
                 error = math.inf if arx is None else _error(arx, to_fit, runs)[0]
                 if arx is not None and (best is None or error < best[0]):
                     best = error, stride, arx
-    if best is None:
-        return None
-    _, stride, arx = best
-    runs, asked = runs_of(to_fit, stride), runs_of(held_out, stride)
-    bent = [fitted_narx(runs, arx, ridge) for ridge in YARDSTICK.ridges]
-    narx = min(bent, key=lambda one: _error(one, to_fit, runs)[0])
-    every = [_error(arx, held_out, asked), _error(narx, held_out, asked)]
-    reached = min(every, key=lambda each: each[0])
-    unseen = np.full(len(to_fit.y), math.nan)
-    tried = [(one, found) for one in _strides(to_fit, SCHEDULED.rates) if (found := _scheduled(to_fit, one))]
-    if tried:
-        stride, scheduled = min(tried, key=lambda each: each[1].squared)
-        every.append(_error(scheduled.model, held_out, runs_of(held_out, stride)))
-        if every[-1][0] < reached[0]:
-            reached, unseen = every[-1], _foretold(scheduled, to_fit)
-    return Reached(every[0][0], min(error for error, _ in every[1:]), reached[1], unseen)
+    return None if best is None else best[1:]
 
 
-def _scheduled(to_fit: Cut, stride: int) -> Scheduled | None:
+def _scheduled(to_fit: Cut, held_out: Cut) -> list[_Tried]:
+    """The best one whose weights change with the state, none where windows have too few samples."""
     sees_speed = to_fit.series[0].sees_speed
     placed = not sees_speed or all(tells_its_place(one) for one in to_fit.series)
-    return fitted_scheduled_arx(runs_of(to_fit, stride), sees_speed=sees_speed, tells_its_place=placed)
+    how = {"sees_speed": sees_speed, "tells_its_place": placed}
+    tried = [
+        (stride, found)
+        for stride in _strides(to_fit, SCHEDULED.rates)
+        if (found := fitted_scheduled_arx(runs_of(to_fit, stride), **how)) is not None
+    ]
+    if not tried:
+        return []
+    stride, found = min(tried, key=lambda each: each[1].squared)
+    reached = _reached(found.model, held_out, runs_of(held_out, stride))
+    return [reached._replace(foretold=_foretold(found, to_fit), changes_with=STATES[found.model.form.by])]
 
 
 def _foretold(scheduled: Scheduled, to_fit: Cut) -> Array:

@@ -108,7 +108,9 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
         return
     if d.yardstick is not None:
         reached = f"ARX {percent(d.yardstick.arx)}, NARX {percent(d.yardstick.narx)}"
-        yield f"Without physics, over the same windows: {reached}."
+        state = d.yardstick.changes_with
+        weights = "" if state is None else f" (with weights that change with the {state})"
+        yield f"Without physics, over the same windows: {reached}{weights}."
     parts = account.explained, account.systematic, account.not_repeatable
     explained, systematic, rest = (f"{_rounded(100.0 * part)} %" for part in parts)
     if not account.asked:
