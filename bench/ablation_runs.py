@@ -72,7 +72,7 @@ RULES = (
     Rule("search.final_choice:best_alike", first, "Of causes alike the one that fits best is in the set."),
     Rule("search.prune:plainer", first, "A richer form gives way to the plain one that does as well."),
     Rule("search.final_choice:_over_whole",
-         lambda base, _grown, _wide, held, _screen: (Judged.of(base, held), []),
+         lambda base, _grown, _wide, held, *_: (Judged.of(base, held), []),
          "Whole recordings are fitted, where windows leave more than noise."),
     Rule("search.final_choice:worse", no, "No set is kept that simulates worse than the baseline."),
     Rule("search.refine:settled", first, "A set that leaves only noise is fitted until nothing changes."),
