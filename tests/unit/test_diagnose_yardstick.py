@@ -1,6 +1,7 @@
 """Models without physics beside the plant's. Truths are integrated here, by Heun's method."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -100,6 +101,19 @@ def test_what_they_foretell_of_unseen_windows_is_systematic():
     found = nearer(u, moved(u, stiffer)[1], moved(u)[1], in_loop=False)
     assert found.significant
     assert found.square > 0.0
+
+
+def test_how_much_nearer_is_told_of_windows_held_out_alone():
+    """Also where one of them has no row that counts."""
+    u = command()
+    to_fit, held_out = halves(u, moved(u, stiffer)[1], sees_speed=True)
+    seen, held = (by_a_plant(windows, moved(u)[1]) for windows in (to_fit, held_out))
+    scored = held.scored.copy()
+    scored[held_out.slices[0]] = False
+    reached = yardstick(to_fit, held_out)
+    told = beaten(seen, replace(held, scored=scored), reached, WHITE, in_loop=False)
+    gained = held.error[scored] ** 2 - (held_out.y - reached.simulated)[scored] ** 2
+    assert told.square == pytest.approx(float(np.mean(gained)))
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.995])

@@ -66,7 +66,7 @@ class ScheduledArx(NamedTuple):
     weights: Array
 
     def simulated(self, runs: Sequence[Run]) -> list[Array]:
-        """Windows from the beginning of the linear model's simulation, side by side."""
+        """Windows from their first samples as measured, side by side."""
         form, positions = self.form, self.form.linear.integrates
         y = side_by_side([run.y for run in runs])
         u, place = side_by_side([run.u for run in runs]), side_by_side([run.place for run in runs])

@@ -67,7 +67,8 @@ def beaten(
     seen what it foretells. In a loop it is asked of errors made white, too: that acts on what disturbs the
     load, a command tells of it, and a model that forgets comes nearer than the plant.
     """
-    pairs = [*_pairs(held, other.simulated), *_pairs(seen, other.foretold)]
+    held_out = _pairs(held, other.simulated)
+    pairs = [*held_out, *_pairs(seen, other.foretold)]
     count = math.ceil(SYSTEMATIC.segments / len(held.cut.slices))
 
     def compared_through(made: Callable[[Array], Array], some: Sequence[Pair]) -> Share:
@@ -75,7 +76,7 @@ def beaten(
         return compared(before, after, [one.scored for one in some], count)
 
     past = [one._replace(scored=noise.has_past(one.scored)) for one in pairs]
-    own = compared_through(lambda x: x, pairs[: len(held.cut.slices)])
+    own = compared_through(lambda x: x, held_out)
     nearer, shown = compared_through(lambda x: x, pairs), compared_through(noise.whitened, past)
     least = nearer if not in_loop else shown if predicted else fewer_shown(nearer, shown)
     return replace(own, score=least.score, limit=least.limit)
