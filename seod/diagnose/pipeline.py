@@ -11,15 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.prediction_errors import Predicted, Predictions
-from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE, WITHOUT_SIGN
+from seod.diagnose.causes.table import LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
-from seod.diagnose.fitting.initial_states import measured_places, simulated_states
+from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
-from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
@@ -29,13 +27,14 @@ from seod.diagnose.record.column_checks import different_units, gain_remarks, wi
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, fitted_windows, whole_windows
-from seod.diagnose.result import RELEVANCE, Common, DiagnoseError
+from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.beam import grow
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.final_choice import Choice, choose
 from seod.diagnose.search.refine import fitted_over_all
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
+from seod.diagnose.starts.common_baseline import common_baseline
 from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.account import PREDICTION
@@ -50,9 +49,8 @@ if TYPE_CHECKING:
 
     from seod.config.model import RigConfig
     from seod.data import Recording
-    from seod.diagnose.causes.scales import Scales, Values
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
-    from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Diagnosis, Hold, Output
     from seod.diagnose.search.budget import Effort
@@ -146,7 +144,9 @@ def _diagnose(
         found = _search(start, unseen, way, closed)
         if any(defects.has_outliers for defects in checked):
             found = trimmed(found)
-        common = _common(start, way, closed)
+        common = common_baseline(
+            start.base.found, start.to_fit, start.held_out, closed, way.fixed, way.parallel
+        )
     progress("comparing", 0.9)
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
@@ -296,39 +296,6 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
     return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
-
-
-def _common(start: _Start, way: _Way, closed: ClosedForm) -> Common:
-    """Eq. 1 with what every user would give it: a constant offset of u, or of a speed y, and a delay."""
-    base, small = start.base.found, fitted_windows(start.to_fit)
-    sizes = replace(scales(base, base.cut), given=way.fixed.given)
-    begins = (
-        [base.model.values(base.x), dict(closed.values)] if closed.values else [base.model.values(base.x)]
-    )
-    found = min((_with_common(start.base.found.model, sizes, one, small, way) for one in begins), key=_cost)
-    values = found.model.values(found.x)
-    delay = values.get(LATE_PLACE, way.fixed.effects.get(LATE, {}).get("time", 0.0))
-    K_L, omega_n, zeta = (values[name] for name in BASE)
-    volts = -2.0 * zeta * values[OFFSET_PLACE] / (omega_n * K_L)
-    held = simulate_held_out(found.model, found.x, start.held_out)
-    return Common(K_L, omega_n, zeta, volts, delay, held.nrmse)
-
-
-def _cost(fitted: Fitted) -> float:
-    return fitted.cost
-
-
-def _with_common(model: Model, sizes: Scales, begin: Values, small: Cut, way: _Way) -> Fitted:
-    """Eq. 1 with offset and delay, from this plant."""
-    model = replace(model, scales=sizes).turned(begin["K_L"])
-    values = {of: begin[of] for of in BASE} | {LATE_PLACE: begin.get("delay", 0.0)}
-    model = model if LATE in sizes.given else model.with_effect(LATE)
-    K_L, bias, _ = linear_gain(model, small, model.searched(values), measured_places(small), way.fixed.gain)
-    if K_L * values["K_L"] > 0.0:
-        values["K_L"] = K_L
-    model = model.with_effect(OFFSET)
-    x = model.searched(values | {OFFSET_PLACE: bias})
-    return fit(model, small, x, simulated_states(model, x, small), parallel=way.parallel)
 
 
 def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Judged, Chosen]:

@@ -26,8 +26,9 @@ from seod.diagnose.tuning.search import REFINE
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.windows import Cut
 
 

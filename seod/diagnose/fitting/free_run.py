@@ -22,8 +22,9 @@ from seod.diagnose.tuning.fitting import FREE_RUN
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array
 

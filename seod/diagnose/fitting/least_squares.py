@@ -8,7 +8,7 @@ by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,15 +20,14 @@ from seod.diagnose.tuning.fitting import FIT
 from sim.physics import dry_friction
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
-
-    ParallelMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,8 @@ from seod.diagnose.tuning.fitting import FREE_RUN, LOAD_DRIFT
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
 
 

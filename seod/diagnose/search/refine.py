@@ -15,7 +15,7 @@ from seod.diagnose.tuning.fitting import FIT, HELD_OUT
 from seod.diagnose.tuning.search import REFINE
 
 if TYPE_CHECKING:
-    from seod.diagnose.fitting.least_squares import ParallelMap
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.result import Array
     from seod.diagnose.search.screen import Screen
 

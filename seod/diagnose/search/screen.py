@@ -14,8 +14,8 @@ from seod.diagnose.tuning.search import SCREEN
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from seod.diagnose.fitting.least_squares import ParallelMap
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.starts.relay.plant import GridPlant
 

@@ -23,8 +23,9 @@ from seod.diagnose.tuning.starts import BASELINE, SIZES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from seod.diagnose.fitting.least_squares import Fitted, ParallelMap
+    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.result import Array
 
 
