@@ -337,19 +337,20 @@ def _by_predictions(choice: Choice, found: Fitted, start: _Start, way: _Way) -> 
     far worse than the set that was chosen: no loop makes so much of noise.
     """
     asked = start.to_fit, start.held_out
-    how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit)
+
+    def noise_alone(fitted: Fitted) -> bool:
+        seen, held = (simulate_held_out(fitted.model, fitted.x, cut) for cut in asked)
+        if held.nrmse > PREDICTION.given_up * choice.best.held.nrmse:
+            return False
+        account, _ = accounted(fitted, seen, held, choice.base.held, predicted=True)
+        return account is not None and account.systematic == 0.0 and account.asked
+
+    how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit, noise_alone)
     predicted = how.predicted(found)
     if predicted is None:
         return None
-    seen, held = (simulate_held_out(predicted.fitted.model, predicted.fitted.x, cut) for cut in asked)
-    simulated = Judged.of(predicted.simulated, start.held_out).held
-    most = min(PREDICTION.as_far * simulated.nrmse, PREDICTION.given_up * choice.best.held.nrmse)
-    if held.nrmse > most:
-        return None
-    account, _ = accounted(predicted.fitted, seen, held, choice.base.held, predicted=True)
-    if account is None or account.systematic > 0.0 or not account.asked:
-        return None
-    return predicted
+    own, simulated = (Judged.of(one, start.held_out).held for one in (predicted.fitted, predicted.simulated))
+    return predicted if own.nrmse <= PREDICTION.as_far * simulated.nrmse else None
 
 
 def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: _Way) -> tuple[Fitted | None, ...]:

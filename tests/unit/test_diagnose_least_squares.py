@@ -20,7 +20,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
 from seod.diagnose.starts.baseline import baseline
 from seod.diagnose.starts.sizes import scales
-from seod.diagnose.tuning.fitting import UNCERTAINTY
+from seod.diagnose.tuning.fitting import FIT, UNCERTAINTY
 from sim.effects import EFFECTS
 
 SIZES = Scales(2.0, 10.0, 1000.0, 0.0, 1.0, 0.3, OMEGA_N, 8.0, 1.0 / RATE)
@@ -72,11 +72,37 @@ def test_the_same_of_a_speed_with_a_turned_sign():
 def test_a_search_whose_time_is_up_tries_no_shorter_steps(clean, begun, monkeypatch):
     found, tried = begun.best, []
     monkeypatch.setattr(LeastSquares, "stepped", lambda *_: tried.append(1))
-    fit(found.model, clean[0], found.x, found.start, ended=lambda: bool(tried))
+    fit(found.model, clean[0], found.x + 0.003, found.start, ended=lambda: bool(tried))
     assert len(tried) == 1
     tried.clear()
-    fit(found.model, clean[0], found.x, found.start)
+    fit(found.model, clean[0], found.x + 0.003, found.start)
     assert len(tried) > 1
+
+
+@pytest.mark.slow
+def test_what_a_step_promises_is_what_it_saves(begun):
+    at = begun.best
+    there = fit(at.model, at.cut, at.x, at.start, enough=1e-7)
+    off = there.x + 0.003
+    search = LeastSquares(at.model, at.cut, map, np.ones(len(off), np.bool_))
+    start = settle(at.model, at.cut, off, there.start, at.cut.good)
+    residual, error = search.tried(off, start)
+    saved = search.cost(error) - there.cost
+    promise = search.derivatives(off, start, residual, error).promise() / np.sum(search.count)
+    assert saved > 10 * FIT.least_improvement
+    assert promise == pytest.approx(saved, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_search_that_has_arrived_tries_no_step(begun, monkeypatch):
+    at = begun.best
+    there = fit(at.model, at.cut, at.x, at.start, enough=1e-7)
+    steps = []
+    monkeypatch.setattr(LeastSquares, "stepped", lambda *_: steps.append(1))
+    fit(at.model, at.cut, there.x, there.start)
+    assert not steps
+    fit(at.model, at.cut, there.x + 0.003, there.start)
+    assert steps
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ The plant is stepped by the exponential of its matrix, apart from `sim`.
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -121,3 +122,14 @@ def test_a_row_counts_where_all_before_it_do_by_which_it_is_foretold():
     counts = np.array([True, True, True, False, True, True, True])
     assert has_past(counts, 2).tolist() == [False, False, True, False, False, False, True]
     assert has_past(counts, 0).tolist() == counts.tolist()
+
+
+def test_a_set_that_leaves_something_systematic_is_not_taken_apart(monkeypatch):
+    """Fits of all its parts would take most of a diagnosis whose cause is on no list."""
+    left = SimpleNamespace(cut=SimpleNamespace(memory=(0.9,)), model=SimpleNamespace(names=("drag",)))
+    taken = []
+    monkeypatch.setattr(Predictions, "with_own_noise", lambda _, found: found)
+    monkeypatch.setattr(Predictions, "without", lambda *_: taken.append(1))
+    how = Predictions(left, (), map, lambda: lambda: False, lambda _: False)
+    assert how.predicted(left) is None
+    assert not taken

@@ -61,17 +61,22 @@ class Predictions:
         asked: Windows of which the noise is what a simulation leaves.
         parallel: As `map`.
         budget: Gives what tells when a fit has had its part.
+        noise_alone: Whether a set fitted so leaves nothing systematic.
     """
 
     base: Fitted
     asked: tuple[Cut, ...]
     parallel: ParallelMap
     budget: Callable[[], Callable[[], bool]]
+    noise_alone: Callable[[Fitted], bool] = lambda _: True
 
     def predicted(self, found: Fitted) -> Predicted | None:
-        """From a set fitted by its simulation; None where that leaves white noise."""
+        """From a set fitted by its simulation; None where that leaves white noise.
+
+        Or where the set leaves something systematic, as then a part of it would, too.
+        """
         newest = self.with_own_noise(found)
-        while newest.cut.memory:
+        while newest.cut.memory and self.noise_alone(newest):
             rest = {name: self.without(name, newest) for name in newest.model.names}
             idle = [name for name, one in rest.items() if _saved(one, newest) < least_gain(newest.cut)]
             if not idle:

@@ -139,6 +139,8 @@ class LeastSquares:
             before = self.cost(at.error)
             parts = self.derivatives(*at)
             curvature = parts.curvature()
+            if parts.promise() < FIT.promised_part * enough * float(self.count.sum()):
+                break
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
             for _ in range(FIT.dampings_tried if self.soft is None else FIT.dampings_tried_softened):
                 found = self.stepped(parts, at, damping, bounds)

@@ -118,6 +118,16 @@ class Normal:
         states[:, self.states] = own * self.sizes[self.states]
         return step, states
 
+    def promise(self) -> float:
+        """What an undamped step saves of the weighted squares, were they squares of straight lines."""
+        n, right = self.count, self.products[:, :-1, -1]
+        own = np.einsum("wij,wj->wi", self.inverse, right[:, :n])
+        rest = self.total[:-1, -1]
+        saves = float(np.sum(own * right[:, :n]))
+        if len(rest):
+            saves += float(rest @ np.linalg.lstsq(self.total[:-1, :-1], rest, rcond=1e-14)[0])
+        return saves
+
     def _solved(self, right: Array, damping: float, low: Array, high: Array) -> Array:
         matrix = self.total[:-1, :-1]
         diagonal = np.maximum(matrix.diagonal(), 1e-12 * float(np.max(matrix.diagonal())) + 1e-300)

@@ -110,6 +110,9 @@ class Fit:
     percent. Chosen."""
     least_improvement: float = 1e-4
     """[-] Of the mean log error, below which a fit has ended. Chosen."""
+    promised_part: float = 0.3
+    """[-] Of that: a step that promises less, were the errors straight lines, is not tried. Measured: in
+    fits of four recordings (3516 steps) no such step gained more than half of it."""
     state_step: float = 1e-3
     """[-] Change of a state by which derivatives are taken, over its size in the recordings. Chosen."""
     state_step_part: float = 0.05
