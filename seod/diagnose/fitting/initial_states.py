@@ -161,7 +161,7 @@ def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
         else INITIAL_STATES.places_in_gap[:1]
     )
     start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)
-    return settle(model, cut, x, start, cut.good, most=FIT.settling_steps)
+    return settle(model, cut, x, start, cut.good, most=INITIAL_STATES.settling_steps)
 
 
 def best_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
