@@ -10,7 +10,7 @@ import numpy as np
 from seod.diagnose.fitting.least_squares import LeastSquares, settle
 from seod.diagnose.fitting.simulate import LOOSE, LOOSE_INSIDE, POSITION, STATES, inside
 from seod.diagnose.record.windows import Cut
-from seod.diagnose.tuning.fitting import FIT, INITIAL_STATES
+from seod.diagnose.tuning.fitting import INITIAL_STATES
 from sim.windows import INSIDE, START
 
 if TYPE_CHECKING:

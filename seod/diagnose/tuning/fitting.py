@@ -122,8 +122,8 @@ class Fit:
     state_part: float = 0.3
     """[-] Of a step of a window's initial state, where all of it is too far. Chosen."""
     settling_steps: int = 1
-    """[steps] Of the initial states alone, where a step of the numbers is too far. Measured: of 227 such steps
-    that two made an improvement, the first had made one of 216."""
+    """[steps] Of the initial states alone, where a step of the numbers is too far. Measured: of 227 steps
+    that two such made an improvement, the first had made one of 216."""
     states_steps: int = 6
     """[steps] Of the initial states alone, the numbers given, where nothing else is said. Chosen."""
     first_damping: float = 1e-2
