@@ -160,7 +160,7 @@ class LeastSquares:
     def _hardly_promises(self, parts: Normal, enough: float) -> bool:
         """Whether no step saves a good part of what is enough of the mean log error.
 
-        It is not asked of initial states alone: how they are settled shows in the sixth digit of held-out errors.
+        Not of initial states alone: how they are settled shows in the sixth digit of held-out errors.
         """
         return parts.promise() < FIT.promised_part * enough * float(self.count.sum())
 
