@@ -142,9 +142,29 @@ static void react(const Plant *p, State *s, double *z) {
   }
 }
 
+static bool goes_freely(const Plant *p, State *s, double t) {
+  const double h = t - s->t;
+  if (h <= 0.0 || s->motion == 0.0 || s->stopped != 0.0 || s->watch != 0.0) return false;
+  if (!linear_now(p, s, s->velocity)) return false;
+  const double now[STATES] = {s->pressure,  s->velocity, s->position, s->velocity2,
+                              s->position2, s->bristle,  s->lagged};
+  double then[STATES];
+  exact_step(p, s, now, h, then);
+  if (event(p, s, then, h) > 0.0 || !linear_now(p, s, then[VELOCITY])) return false;
+  s->t = t;
+  s->pressure = then[PRESSURE], s->velocity = then[VELOCITY], s->position = then[POSITION];
+  s->velocity2 = then[VELOCITY2], s->position2 = then[POSITION2];
+  s->followed = followed(p, s, s->position);
+  s->spool = p->valve_lag_time > 0.0 ? spool_at(p, s, h) : s->target;
+  s->steps += COST;
+  return true;
+}
+
 static void advance(const Plant *p, State *s, double t) {
   s->passed = 0.0;
   if (s->velocity * s->motion < 0.0) s->motion = -s->motion;
+  while (s->t < t && goes_freely(p, s, min(t, s->t + p->longest_exact))) continue;
+  if (s->t >= t) return;
   const double longest = longest_substep(p, s, t);
   for (long events = 0; s->t < t;) {
     bool ends;

@@ -39,6 +39,47 @@ static Factors factors(const Plant *p, State *s, double h) {
   return (Factors){s->kept_answer, s->kept_area, s->kept_volume};
 }
 
+static bool on_one_side(const Plant *p, const State *s) {
+  const double edge = p->valve_deadband_half_width;
+  if (edge == 0.0 && p->asymmetric_gain_ratio == 0.0) return true;
+  const double low = min(s->spool, s->target) - p->null_shift_voltage;
+  const double high = max(s->spool, s->target) - p->null_shift_voltage;
+  return low >= edge || high <= -edge || (low >= -edge && high <= edge);
+}
+
+static bool linear_now(const Plant *p, const State *s, double velocity) {
+  if (p->linear != 0.0) return true;
+  if (s->motion * velocity < PASSED * p->stribeck_friction_speed && p->stribeck_friction_level > 0.0) return false;
+  if (p->lugre_friction_stiffness > 0.0 && !settled(p, s)) return false;
+  return p->valve_lag_time > 0.0 ? on_one_side(p, s) : s->spool == s->target;
+}
+
+/* Pressure and speed now, and what h adds to pressure, speed and position. */
+static void swing(const Plant *p, const State *s, double h, double *out) {
+  const double w = p->periodic_disturbance_omega, amplitude = p->periodic_disturbance_amplitude;
+  const double leaks = 2.0 * p->zeta * p->omega_n, below = p->omega_n * p->omega_n - w * w, lost = leaks * w;
+  const double each = amplitude / (below * below + lost * lost);
+  const double along = each * (leaks * below + w * lost), ahead = each * (w * below - leaks * lost);
+  const double half = 0.5 * w * h, middle = w * (s->t - s->origin) + p->periodic_disturbance_phase + half;
+  const double sine = sin(middle), cosine = cos(middle), odd = sin(half), even = cos(half);
+  const double begins = sine * even - cosine * odd, level = cosine * even + sine * odd;
+  const double rises = 2.0 * odd * cosine, falls = -2.0 * odd * sine;
+  const double pushed = -(w * ahead + amplitude), held = w * along;
+  out[0] = pushed * begins + held * level, out[1] = along * begins + ahead * level;
+  out[2] = pushed * rises + held * falls, out[3] = along * rises + ahead * falls;
+  out[4] = (ahead * rises - along * falls) / w;
+}
+
+/* Adds the same of a flow that fades to `flows`. */
+static void fade(const Plant *p, const State *s, double flows, double h, double *out) {
+  const double rate = 1.0 / p->valve_lag_time, square = p->omega_n * p->omega_n;
+  const double excess = p->K_L * opening(p, s->spool) - flows;
+  const double velocity = square * excess / (rate * (rate - 2.0 * p->zeta * p->omega_n) + square);
+  const double faster = velocity * expm1(-rate * h);
+  out[0] -= rate * velocity, out[1] += velocity;
+  out[2] -= rate * faster, out[3] += faster, out[4] -= p->valve_lag_time * faster;
+}
+
 static void exact_step(const Plant *p, State *s, const double *z, double h, double *out) {
   const double flows = p->K_L * opening(p, s->target);
   const double square = p->omega_n * p->omega_n, leaks = 2.0 * p->zeta * p->omega_n;
@@ -47,12 +88,16 @@ static void exact_step(const Plant *p, State *s, const double *z, double h, doub
     out[PRESSURE] += (square * flows / leaks - z[PRESSURE]) * -expm1(-leaks * h);
     return;
   }
-  const double push = drive(p, s, s->t, 0.0, z[POSITION], 0.0) - s->motion * friction_level(p, z[VELOCITY]);
-  const double pull = z[PRESSURE] + push, off = square * (z[VELOCITY] - flows) - leaks * push;
+  const double push = steady_drive(p, s, s->t, 0.0, z[POSITION]) - s->motion * friction_level(p, z[VELOCITY]);
+  double driven[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
+  if (p->periodic_disturbance_amplitude != 0.0) swing(p, s, h, driven);
+  if (p->valve_lag_time > 0.0) fade(p, s, flows, h, driven);
+  const double apart = z[VELOCITY] - driven[1], pull = z[PRESSURE] - driven[0] + push;
+  const double off = square * (apart - flows) - leaks * push;
   const Factors f = factors(p, s, h);
-  const double faster = f.answer * pull - f.area * off;
-  const double goes = z[VELOCITY] * h + f.area * pull - f.volume * off;
-  out[PRESSURE] -= (square * f.area + leaks * f.answer) * pull + f.answer * off;
+  const double faster = f.answer * pull - f.area * off + driven[3];
+  const double goes = apart * h + f.area * pull - f.volume * off + driven[4];
+  out[PRESSURE] += driven[2] - (square * f.area + leaks * f.answer) * pull - f.answer * off;
   out[VELOCITY] += faster, out[VELOCITY2] += faster;
   out[POSITION] += goes, out[POSITION2] += goes;
 }

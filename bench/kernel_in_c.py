@@ -23,6 +23,7 @@ CONSTANTS = {
     "SMALL": exact.SMALL,
     "TERMS": exact.TERMS,
     "COST": exact.COST,
+    "PASSED": exact.PASSED,
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,
     "SETTLED": physics.SETTLED,

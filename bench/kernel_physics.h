@@ -107,13 +107,17 @@ static double stiffness(const Plant *p, const State *s) {
   return (1.0 + air) / (1.0 + air / (supply * supply));
 }
 
-static double drive(const Plant *p, const State *s, double t, double pressure, double position, double coupled) {
+static double steady_drive(const Plant *p, const State *s, double t, double pressure, double position) {
   double total = pressure - p->load_bias_acceleration - p->load_spring_stiffness * (position - p->load_spring_centre);
   total -= p->load_bias_drift * (t - s->origin);
+  return total + p->measured_disturbance_gain * s->force;
+}
+
+static double drive(const Plant *p, const State *s, double t, double pressure, double position, double coupled) {
+  double total = steady_drive(p, s, t, pressure, position);
   if (p->periodic_disturbance_amplitude != 0.0)
     total += p->periodic_disturbance_amplitude *
              sin(p->periodic_disturbance_omega * (t - s->origin) + p->periodic_disturbance_phase);
-  total += p->measured_disturbance_gain * s->force;
   const double ratio = p->load_resonance_inertia;
   return total - ratio / (1.0 + ratio) * coupled;
 }

@@ -1,9 +1,10 @@
-"""Steps without any integration error, for plants that are linear from one event to the next.
+"""Steps without any integration error, for plants that are linear from one event to the next, or for a while.
 
 Oil and load, da/dt = omega_n^2 (q - v) - 2 zeta omega_n a and dv/dt = a + b, have a solution in closed form
-where the flow q and the load's further acceleration b are constant. `sim.parameters.is_linear` tells which
-plants these are. All that a step changes is written as a change: what rounding does to it vanishes with its
-length, as a relay without hysteresis that begins at its threshold needs it.
+where the flow q is constant or fades towards a constant, and the load's further acceleration b is constant or
+swings. `sim.parameters.linear_at_times` tells which plants these are. All that a step changes is written as
+a change: what rounding does to it vanishes with its length, as a relay without hysteresis that begins at its
+threshold needs it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 
 from sim import physics
-from sim.compiled import Record, compiled
+from sim.compiled import Record, compiled, inlined
 
 SAME = 1e-10
 """Part by which two steps may differ in length and have the same factors: a recording's rows differ by the
@@ -26,6 +27,35 @@ TERMS = 12
 
 COST = 0.25
 """Of a step, over a Runge-Kutta step. Measured: 17 ns in place of 65 (`bench/kernel.py`)."""
+
+PASSED = 4.0
+"""Speed over Stribeck's from which on the friction no longer falls: by 1e-7 of its level at most."""
+
+
+@inlined
+def linear_now(p: Record, s: Record, velocity: float) -> bool:
+    """Whether oil and load are linear at this speed [unit/s], in a plant that need not always be so.
+
+    Friction has fallen as far as it does, bristles have settled. A spool of limited speed has arrived, and
+    one with a lag passes no edge of its overlap.
+    """
+    if p.linear != 0.0:
+        return True
+    if s.motion * velocity < PASSED * p.stribeck_friction_speed and p.stribeck_friction_level > 0.0:
+        return False
+    if p.lugre_friction_stiffness > 0.0 and not physics.settled(p, s):
+        return False
+    return _on_one_side(p, s) if p.valve_lag_time > 0.0 else bool(s.spool == s.target)
+
+
+@compiled
+def _on_one_side(p: Record, s: Record) -> bool:
+    """Whether the spool's flow has no kink between where it is and where it goes."""
+    edge = p.valve_deadband_half_width
+    if edge == 0.0 and p.asymmetric_gain_ratio == 0.0:
+        return True
+    low, high = min(s.spool, s.target) - p.null_shift_voltage, max(s.spool, s.target) - p.null_shift_voltage
+    return bool(low >= edge or high <= -edge or (low >= -edge and high <= edge))
 
 
 @compiled
@@ -49,14 +79,77 @@ def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, .
         after = pressure + (square * flow / leaks - pressure) * settles
         return after, velocity, position, velocity2, position2, bristle, lagged
 
-    push = physics.drive(p, s, s.t, 0.0, position, 0.0) - s.motion * physics.friction_level(p, velocity)
-    pull = pressure + push
-    off = square * (velocity - flow) - leaks * push
+    push = physics.steady_drive(p, s, s.t, 0.0, position) - s.motion * physics.friction_level(p, velocity)
     answer, area, volume = _factors(p, s, h)
-    faster = answer * pull - area * off
-    goes = velocity * h + area * pull - volume * off
-    after = pressure - (square * area + leaks * answer) * pull - answer * off
+    driven = (0.0, 0.0, 0.0, 0.0, 0.0)
+    if p.periodic_disturbance_amplitude != 0.0 or p.valve_lag_time > 0.0:
+        driven = _driven(p, s, flow, h)
+    apart = velocity - driven[1]
+    pull = pressure - driven[0] + push
+    off = square * (apart - flow) - leaks * push
+    faster = answer * pull - area * off + driven[3]
+    goes = apart * h + area * pull - volume * off + driven[4]
+    after = pressure - (square * area + leaks * answer) * pull - answer * off + driven[2]
     return after, velocity + faster, position + goes, velocity2 + faster, position2 + goes, bristle, lagged
+
+
+@compiled
+def _driven(p: Record, s: Record, flow: float, h: float) -> tuple[float, float, float, float, float]:
+    """How the load moves by what changes within a step, and always did.
+
+    Returns:
+        Pressure [unit/s^2] and speed [unit/s] now, and what `h` [s] add to pressure, speed and position
+        [unit].
+    """
+    if p.valve_lag_time == 0.0:
+        return _swing(p, s, h)
+    a = _fade(p, s, flow, h)
+    if p.periodic_disturbance_amplitude == 0.0:
+        return a
+    b = _swing(p, s, h)
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4]
+
+
+@compiled
+def _swing(p: Record, s: Record, h: float) -> tuple[float, float, float, float, float]:
+    """`_driven` by a disturbance of amplitude A at omega w.
+
+    v = A (2 zeta omega_n + j w) / (omega_n^2 - w^2 + 2 j zeta omega_n w), its integral, and a = j w v - A:
+    imaginary parts of these times exp(j angle).
+    """
+    w, amplitude = p.periodic_disturbance_omega, p.periodic_disturbance_amplitude
+    leaks = 2.0 * p.zeta * p.omega_n
+    below, lost = p.omega_n * p.omega_n - w * w, leaks * w
+    each = amplitude / (below * below + lost * lost)
+    along, ahead = each * (leaks * below + w * lost), each * (w * below - leaks * lost)
+    half = 0.5 * w * h
+    middle = w * (s.t - s.origin) + p.periodic_disturbance_phase + half
+    sine, cosine, odd, even = math.sin(middle), math.cos(middle), math.sin(half), math.cos(half)
+    begins, level = sine * even - cosine * odd, cosine * even + sine * odd
+    rises, falls = 2.0 * odd * cosine, -2.0 * odd * sine
+    pushed, held = -(w * ahead + amplitude), w * along
+    return (
+        pushed * begins + held * level,
+        along * begins + ahead * level,
+        pushed * rises + held * falls,
+        along * rises + ahead * falls,
+        (ahead * rises - along * falls) / w,
+    )
+
+
+@compiled
+def _fade(p: Record, s: Record, flow: float, h: float) -> tuple[float, float, float, float, float]:
+    """`_driven` by a flow that fades to `flow` [unit/s] by the spool's lag T.
+
+    What it has too much, q, fades as exp(-t / T).
+    v = omega_n^2 q / (1 / T^2 - 2 zeta omega_n / T + omega_n^2), its integral, and a = -v / T.
+    """
+    rate, square = 1.0 / p.valve_lag_time, p.omega_n * p.omega_n
+    excess = p.K_L * physics.opening(p, s.spool) - flow
+    velocity = square * excess / (rate * (rate - 2.0 * p.zeta * p.omega_n) + square)
+    gone = math.expm1(-rate * h)
+    faster = velocity * gone
+    return -rate * velocity, velocity, -rate * faster, faster, -p.valve_lag_time * faster
 
 
 @compiled

@@ -33,16 +33,21 @@ SLOTS = (
     *(f"{effect.name}_{each.name}" for effect in EFFECTS.values() for each in effect.parameters),
     "substep",
     "shortest",
+    "longest_exact",
     "linear",
 )
 """Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], the
-shortest one over it that an orifice may ask for, and whether steps are exact (1) or by Runge and Kutta."""
+shortest one over it that an orifice may ask for, the longest exact step [s] (0: none is), and whether all are
+exact (1) or only some (`sim.exact`)."""
 
 PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""
 
 ACCURACY = 0.1
 """Longest substep times the fastest rate of the plant; docs/model.md states the tolerance."""
+
+APART = 0.01
+"""Of a spool's lag from a pole of the load, at least, where steps are exact: they lose two digits there."""
 
 SHORTEST = 1e-3
 """Of substeps that an orifice near its largest pressure asks for, over the longest."""
@@ -82,8 +87,9 @@ def parameters(
         unknown = [name for name in values if name not in _NULLS]
         raise ValueError(f"unknown: {', '.join(unknown)}; there are {', '.join(BASE)}")
     linear = is_linear(values)
-    record = np.array([*values.values(), 0.0, shortest, float(linear)]).view(PARAMETERS)
-    record["substep"] = accuracy / (omega_n if linear else fastest_rate(record))
+    exact = accuracy / _event_rate(values) if linear_at_times(values) else 0.0
+    record = np.array([*values.values(), 0.0, shortest, exact, float(linear)]).view(PARAMETERS)
+    record["substep"] = exact if linear else accuracy / fastest_rate(record)
     return record
 
 
@@ -113,17 +119,15 @@ def nulls() -> dict[str, float]:
 _CHANGING = ("parameter_drift", "pressure_dependent_stiffness")
 _NULLS = {**BASE, **nulls()}
 _ANOTHER_EQUATION = (
-    "valve_lag_time",
     "load_resonance_inertia",
     "load_spring_stiffness",
     "load_bias_drift",
-    "periodic_disturbance_amplitude",
     "sensor_lag_time",
-    "stribeck_friction_level",
-    "lugre_friction_stiffness",
     *(f"{name}_{each.name}" for name in _CHANGING for each in EFFECTS[name].parameters),
 )
-"""What must be 0 where oil and load alone are linear, besides what must be infinite."""
+"""What must be 0 where oil and load alone are linear, if only at times."""
+_AT_TIMES = ("stribeck_friction_level", "lugre_friction_stiffness", "valve_lag_time")
+"""What must be 0, too, where they always are."""
 
 
 def vector(record: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
@@ -155,14 +159,34 @@ def _in_range(each: Parameter, value: float, place: str) -> None:
         raise ValueError(f"{place} = {value:g} {each.unit} must be within [{each.low:g}, {each.high:g}]")
 
 
-def is_linear(p: Mapping[str, float]) -> bool:
-    """Whether pressure, speed and position alone follow a linear equation from one event to the next.
+def linear_at_times(p: Mapping[str, float]) -> bool:
+    """Whether pressure, speed and position alone follow a linear equation, always or at some speeds.
 
     Then a step is exact (`sim.exact`). Its length matters to events alone: of each there may be one in it.
     """
     if not p["zeta"] > 0.0 or any(p[name] != 0.0 for name in _ANOTHER_EQUATION):
         return False
-    return p["square_root_flow_supply"] == INF and p["valve_rate_limit_rate"] == INF
+    return p["square_root_flow_supply"] == INF and (p["valve_lag_time"] == 0.0 or _fades_apart(p))
+
+
+def _fades_apart(p: Mapping[str, float]) -> bool:
+    """Whether a spool follows its command by a lag alone, at another rate than the plant's own."""
+    rate, omega_n = 1.0 / p["valve_lag_time"], p["omega_n"]
+    apart = rate * (rate - 2.0 * p["zeta"] * omega_n) + omega_n * omega_n
+    alone = p["spool_inertia_omega"] == INF and p["valve_rate_limit_rate"] == INF
+    return alone and abs(apart) > APART * (rate * rate + omega_n * omega_n)
+
+
+def is_linear(p: Mapping[str, float]) -> bool:
+    """Whether they do from one event to the next, whatever the speed."""
+    always = p["valve_rate_limit_rate"] == INF and not any(p[name] != 0.0 for name in _AT_TIMES)
+    return always and linear_at_times(p)
+
+
+def _event_rate(p: Mapping[str, float]) -> float:
+    """Rate [rad/s] of the quickest turn of a plant whose steps are exact."""
+    swings = p["periodic_disturbance_amplitude"] != 0.0
+    return max(p["omega_n"], p["periodic_disturbance_omega"] if swings else 0.0)
 
 
 def fastest_rate(record: npt.NDArray[np.void]) -> float:

@@ -216,14 +216,20 @@ def drive(p: Record, s: Record, t: float, pressure: float, position: float, coup
         position: Of the load [unit].
         coupled: `coupling` [unit/s^2]; 0 without a second inertia.
     """
-    total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
-    total -= p.load_bias_drift * (t - s.origin)
+    total = steady_drive(p, s, t, pressure, position)
     if p.periodic_disturbance_amplitude != 0.0:
         angle = p.periodic_disturbance_omega * (t - s.origin) + p.periodic_disturbance_phase
         total += p.periodic_disturbance_amplitude * math.sin(angle)
-    total += p.measured_disturbance_gain * s.force
     ratio = p.load_resonance_inertia
     return total - ratio / (1.0 + ratio) * coupled
+
+
+@compiled
+def steady_drive(p: Record, s: Record, t: float, pressure: float, position: float) -> float:
+    """Likewise, without what oscillates and without a second inertia."""
+    total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
+    total -= p.load_bias_drift * (t - s.origin)
+    return total + p.measured_disturbance_gain * s.force
 
 
 @compiled

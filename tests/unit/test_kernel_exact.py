@@ -63,6 +63,63 @@ def test_a_step_is_the_matrix_exponential(omega_n, zeta, angle, bias, state, vol
     assert np.all(np.abs(found - expected) < 1e-10 * sizes), (found, expected)
 
 
+def by_matrix_swung(K_L, omega_n, zeta, swing, state, volts, h):
+    """The same under amplitude sin(omega t + phase): two more states go round in a circle."""
+    A = np.zeros((6, 6))
+    A[PRESSURE, ONE] = omega_n**2 * K_L * volts
+    A[PRESSURE, PRESSURE], A[PRESSURE, VELOCITY] = -2.0 * zeta * omega_n, -(omega_n**2)
+    A[VELOCITY, PRESSURE], A[VELOCITY, 4] = 1.0, swing["amplitude"]
+    A[POSITION, VELOCITY] = 1.0
+    A[4, 5], A[5, 4] = swing["omega"], -swing["omega"]
+    begins = [*state, 1.0, np.sin(swing["phase"]), np.cos(swing["phase"])]
+    return (expm(A * h) @ begins)[:ONE]
+
+
+@settings(deadline=None)
+@given(
+    omega_n=st.floats(0.5, 700.0),
+    zeta=st.floats(0.01, 20.0),
+    angle=st.floats(1e-6, 3.0),
+    ratio=st.floats(0.01, 30.0) | st.just(1.0),
+    phase=st.floats(-3.0, 3.0),
+    state=st.tuples(*[st.floats(-2.0, 2.0)] * 3),
+)
+def test_a_load_that_is_swung_moves_as_by_the_matrix_exponential(omega_n, zeta, angle, ratio, phase, state):
+    h, swing = angle / omega_n, {"amplitude": 2.0 * omega_n, "omega": ratio * omega_n, "phase": phase}
+    scaled = (state[0] * omega_n, state[1], state[2] / omega_n)
+    p = parameters(1.7, omega_n, zeta, {"periodic_disturbance": swing}, accuracy=ONE_STEP)
+    assert p[0]["linear"] == 1.0
+    expected = by_matrix_swung(1.7, omega_n, zeta, swing, scaled, 0.7, h)
+    found = one_step(p, scaled, 0.7, h)
+    sizes = np.array([omega_n, 1.0, 1.0 / omega_n]) * (1.0 + zeta + 1.0 / zeta) * 10.0
+    assert np.all(np.abs(found - expected) < 1e-10 * sizes), (found, expected)
+
+
+AT_TIMES = {
+    "friction that falls": ("stribeck_friction", "coulomb_friction"),
+    "friction that falls, and play": ("stribeck_friction", "backlash"),
+    "bristles": ("lugre_friction", "coulomb_friction"),
+    "a spool of limited speed": ("valve_rate_limit", "valve_deadband"),
+    "a spool that lags": ("valve_lag",),
+    "a spool that lags over its overlap": ("valve_lag", "valve_deadband", "asymmetric_gain"),
+    "it and a load that swings": ("valve_lag", "periodic_disturbance", "coulomb_friction"),
+    "all that swings": ("valve_rate_limit", "stribeck_friction", "periodic_disturbance"),
+}
+
+
+@pytest.mark.parametrize("names", AT_TIMES.values(), ids=AT_TIMES)
+def test_what_is_linear_at_times_is_as_if_it_were_never(names):
+    """By Runge and Kutta throughout, much more finely."""
+    t_u, u = steps(1.0)
+    t = np.arange(0.0005, 1.0, 0.0005)
+    p, fine = (parameters(17.0, 117.0, 0.21, chosen(*names), accuracy=each) for each in (0.1, 0.01))
+    fine["longest_exact"] = 0.0
+    (y, state), (often, _) = (follow(each, t_u, u, t) for each in (p, fine))
+    assert np.max(np.abs(y - often)) < 1e-5 * np.ptp(often)
+    p["longest_exact"] = 0.0
+    assert state["steps"] < 0.8 * follow(p, t_u, u, t)[1]["steps"]
+
+
 @given(st.floats(0.5, 700.0), st.floats(1e-3, 20.0))
 def test_power_series_and_closed_forms_meet(omega_n, zeta):
     square, d = omega_n**2, zeta * omega_n
