@@ -80,7 +80,8 @@ def follow_windows(
             if len(force):
                 s.force = force[k]
             while given < len(u) and t_u[given] + p.transport_delay_time <= t[k]:
-                _arrive(p, s, t_u[given] + p.transport_delay_time, u[given])
+                if given == 0 or u[given] != u[given - 1]:  # the same again changes nothing
+                    _arrive(p, s, t_u[given] + p.transport_delay_time, u[given])
                 given += 1
             advance(p, s, t[k])
             y[k] = measured(p, s)
