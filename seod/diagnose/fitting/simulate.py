@@ -41,8 +41,8 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
     seen, within = [], []
     orifice = bool(np.isfinite(record[0]["square_root_flow_supply"]))
     for one, own, first, last, reach in cut.runs:
-        valve = new_state(record, float(min(one.t[0], one.t_u[0])))
-        load = valve.copy()
+        begin = float(min(one.t[0], one.t_u[0]))
+        valve, load = new_state(record, begin), new_state(record, begin)
         load["origin"] = one.t[0]
         y = np.empty(len(one.t))
         z = np.empty((len(one.t), len(INSIDE))) if states else _NOTHING
