@@ -70,7 +70,7 @@ def follow_windows(
     for w in range(len(first)):
         reached = _valve(p, v, t_u, u, reached, t[first[w]])
         _begin(p, v, s, start[w])
-        given = reached
+        given, held = reached, math.nan
         for k in range(first[w], last[w]):
             # written out, as in `sim.runs`: each array that is handed on costs two locked instructions a row
             if len(supply):
@@ -80,8 +80,8 @@ def follow_windows(
             if len(force):
                 s.force = force[k]
             while given < len(u) and t_u[given] + p.transport_delay_time <= t[k]:
-                if given == 0 or u[given] != u[given - 1]:  # the same again changes nothing
-                    _arrive(p, s, t_u[given] + p.transport_delay_time, u[given])
+                _arrive(p, s, t_u[given] + p.transport_delay_time, u[given], held)
+                held = u[given]
                 given += 1
             advance(p, s, t[k])
             y[k] = measured(p, s)
@@ -149,10 +149,11 @@ def _begin(p: Record, v: Record, s: Record, start: Array) -> None:
 
 
 @inlined
-def _arrive(p: Record, s: Record, t: float, volts: float) -> None:
-    """Have a command act on the plant from `t` [s] on."""
-    advance(p, s, max(s.t, t))
-    command(p, s, volts)
+def _arrive(p: Record, s: Record, t: float, volts: float, held: float) -> None:
+    """Have a command act on the plant from `t` [s] on; the one that is held changes nothing."""
+    if volts != held:
+        advance(p, s, max(s.t, t))
+        command(p, s, volts)
 
 
 @compiled
