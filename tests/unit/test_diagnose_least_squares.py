@@ -10,11 +10,12 @@ from seod.diagnose.causes.record import Coordinate
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import group, searched_causes
 from seod.diagnose.causes.valve import LARGEST_LIMIT
-from seod.diagnose.fitting import uncertainty
+from seod.diagnose.fitting import least_squares, uncertainty
 from seod.diagnose.fitting.held_out import nrmse, simulate_held_out, wholes
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, settle
 from seod.diagnose.fitting.model import baseline_model, grouped
+from seod.diagnose.fitting.simulate import POSITION, STATES
 from seod.diagnose.fitting.uncertainty import base_sd, covariance, effect_parameters
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
@@ -103,6 +104,38 @@ def test_a_search_that_has_arrived_tries_no_step(begun, monkeypatch):
     assert not steps
     fit(at.model, at.cut, there.x + 0.003, there.start)
     assert steps
+
+
+ANYWHERE = {
+    "Eq. 1": ({}, True),
+    "friction and play": ({"coulomb_friction": {"level": 100.0}, "backlash": {"gap": 0.01}}, True),
+    "lags": ({"valve_lag": {"time": 2e-3}, "sensor_lag": {"time": 3e-3}}, True),
+    "a second inertia": ({"load_resonance": {"inertia": 0.2, "omega": 300.0, "zeta": 0.1}}, True),
+    "a spring": ({"load_spring": {"stiffness": 500.0, "centre": 0.0}}, False),
+    "a ripple": ({"position_ripple": {"amplitude": 0.02, "wavenumber": 30.0}}, False),
+    "a curve": ({"sensor_nonlinearity": {"order_3": 0.05, "half": 0.5}}, False),
+    "no sign": ({"rectified_sensor": {"part": 1.0}}, False),
+}
+
+
+@pytest.mark.parametrize(("fixed", "anywhere"), ANYWHERE.values(), ids=ANYWHERE)
+@pytest.mark.parametrize("memory", [(), (0.6,)], ids=["white", "coloured"])
+def test_what_a_load_elsewhere_shows_is_known_without_a_simulation(
+    clean, fixed, anywhere, memory, monkeypatch
+):
+    cut_to, counted = clean[0].remembering(memory), []
+    model = baseline_model(SIZES, 1.0, False, fixed)
+    start = np.zeros((len(cut_to.windows), STATES))
+    start[:, POSITION] = 0.03
+    search = LeastSquares(
+        model, cut_to, lambda act, some: counted.append(len(some)) or map(act, some), np.ones(3, np.bool_)
+    )
+    at = model.searched(TRUTH)
+    found = search.derivatives(at, start, *search.tried(at, start)).products
+    monkeypatch.setattr(least_squares, "moves_alike_everywhere", lambda _: False)
+    simulated = search.derivatives(at, start, *search.tried(at, start)).products
+    assert counted[0] == counted[1] - anywhere
+    assert np.allclose(found, simulated, rtol=1e-6, atol=1e-9 * np.abs(simulated).max())
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 
 from seod.diagnose.fitting.backlash_jumps import Softness, jumps, smooth, softness
 from seod.diagnose.fitting.normal_equations import Normal, Table
-from seod.diagnose.fitting.simulate import LOOSE, VELOCITY, loosest
+from seod.diagnose.fitting.simulate import LOOSE, POSITION, VELOCITY, loosest, moves_alike_everywhere
 from seod.diagnose.record.coarse_sensor import beyond
 from seod.diagnose.tuning.fitting import FIT
 from sim.physics import dry_friction
@@ -246,17 +246,22 @@ class LeastSquares:
 
     def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
         """Normal equations of all windows."""
-        states, sizes = self.model.states, self.model.state_sizes
+        states, sizes, record = self.model.states, self.model.state_sizes, self.record(x)
         ranges = np.full(len(sizes), np.inf)
-        ranges[LOOSE] = loosest(self.record(x))
+        ranges[LOOSE] = loosest(record)
         sizes = np.minimum(sizes, FIT.state_step_part * ranges)
         steps = np.where(x + FIT.derivative_step > self.high, -FIT.derivative_step, FIT.derivative_step)
-        trials = self._trials(x, start, sizes, steps)
+        shifts = POSITION in states and not self.cut.coarse and moves_alike_everywhere(record)
+        moved = [column for column in states if not (shifts and column == POSITION)]
+        trials = self._trials(x, start, moved, sizes, steps)
         others = self.parallel(lambda trial: _weighted(trial[0], self.cut, trial[1], self.soft), trials)
-        divisors = [1.0] * len(states) + [float(steps[k]) for k in self.free]
+        divisors = [1.0] * len(moved) + [float(steps[k]) for k in self.free]
         columns = [
             np.where(self.good, (residual - r) / d, 0.0) for r, d in zip(others, divisors, strict=True)
         ]
+        if shifts:
+            shifted = self.cut.unforeseen(np.full(len(residual), sizes[POSITION]))
+            columns.insert(states.index(POSITION), np.where(self.good, shifted, 0.0))
         every = np.stack([*columns, residual], axis=1)
         if LOOSE in states:
             self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
@@ -267,12 +272,12 @@ class LeastSquares:
         return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
 
     def _trials(
-        self, x: Array, start: Array, sizes: Array, steps: Array
+        self, x: Array, start: Array, states: list[int], sizes: Array, steps: Array
     ) -> list[tuple[NDArray[np.void], Array]]:
-        """Plants and initial states of which each one is changed: free states first, then free numbers."""
+        """Plants and initial states of which each one is changed: these states first, then free numbers."""
         record, trials = self.record(x), []
         sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
-        for column in self.model.states:
+        for column in states:
             moved = start.copy()
             moved[:, column] += sizes[column]
             if column == VELOCITY:  # a load that sticks has none: a little more would stop at once

@@ -9,7 +9,7 @@ import numpy as np
 
 from seod.diagnose.fitting import work
 from seod.diagnose.tuning.fitting import SIMULATION
-from sim.physics import friction_level
+from sim.physics import bends, friction_level
 from sim.state import new_state
 from sim.windows import INSIDE, START, follow_windows
 
@@ -53,6 +53,15 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
         seen += [y[a:b] for a, b in zip(first, last, strict=True)]
         within += [z[a:b] for a, b in zip(first, last, strict=True)]
     return np.concatenate(seen), np.concatenate(within)
+
+
+def moves_alike_everywhere(record: NDArray[np.void]) -> bool:
+    """Whether a load that begins elsewhere is read as the same movement, as far from where it was."""
+    one = record[0]
+    endless = one["stop_low"] == -math.inf and one["stop_high"] == math.inf
+    straight = one["rectified_sensor_part"] == 0.0 and one["rectified_sensor_power"] == 1.0
+    straight = straight and one["position_ripple_amplitude"] == 0.0 and not bends(one)
+    return bool(endless and straight and one["load_spring_stiffness"] == 0.0)
 
 
 def loosest(record: NDArray[np.void]) -> float:
