@@ -37,7 +37,7 @@ BEAM: Final = Beam()
 class Budget:
     """How much a search may simulate."""
 
-    search_s: float = 9.0
+    search_s: float = 10.0
     """[s] Work after which no further cause is tried, of a long recording; fits of the best follow.
     Chosen: so that `normal` ends within 30 s for 60 s at 2 kHz on two idle cores. Measured: as far as 11 s
     came before steps were exact at times (six records: 0.79 to 0.89 of the work)."""
