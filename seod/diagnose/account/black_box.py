@@ -321,10 +321,7 @@ def _through(transfer: tuple[Array, Array], inputs: Sequence[Array], angle: floa
 
 
 def _free(n: int, plant: Plant, angle: float) -> Array:
-    """An offset, and movements of the plant that is left alone; shape (n, 3).
-
-    A position that is left alone ends anywhere: its offset is among them.
-    """
+    """An offset, and movements of the plant that is left alone; shape (n, 3 or 4)."""
     _, poles, _ = cont2discrete(_valve(plant), angle)
-    left_alone = lfilter([1.0], poles, np.eye(len(poles) - 1, n), axis=-1)
-    return np.column_stack([np.ones(n), *left_alone] if plant.sees_speed else [*left_alone])
+    begins = np.eye(len(poles) - 1, n)
+    return np.column_stack([np.ones(n), *lfilter([1.0], poles, begins, axis=-1)])
