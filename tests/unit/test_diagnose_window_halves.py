@@ -10,7 +10,7 @@ from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
-from seod.diagnose.pipeline import diagnose
+from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
@@ -43,7 +43,7 @@ def test_windows_are_made_shorter_until_both_halves_show_it():
 def test_what_happens_once_is_not_told_to_be_nothing():
     slipped = rare()
     slipped = replace(slipped, y=slipped.y + 0.1 * np.ptp(slipped.y) * (T > 7.7))
-    told = diagnose([slipped])
+    told = diagnose([slipped], options=Options(effort="quick"))
     assert told.verdict == "unexplained"
     assert not told.effects
     assert told.unexplained.fraction > 0.5
