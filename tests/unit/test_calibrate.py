@@ -179,6 +179,7 @@ def covered(truth: float, intervals: list[tuple[float, float]]) -> float:
     return sum(low <= truth <= high for low, high in intervals) / len(intervals)
 
 
+@pytest.mark.slow
 def test_intervals_of_gain_and_null_cover_the_truth() -> None:
     random = np.random.default_rng(1)
     volts = np.array([-0.08, -0.06, -0.05, -0.03, 0.03, 0.05, 0.06, 0.08])
@@ -222,6 +223,7 @@ def test_step_response_is_the_plants(zeta: float, measures_speed: bool) -> None:
     assert not unit_step(-t, 60.0, zeta, measures_speed).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measures_speed", [False, True])
 def test_delay_is_found_and_its_interval_covers(measures_speed: bool) -> None:
     random = np.random.default_rng(4)

@@ -32,6 +32,7 @@ def test_the_committed_schema_is_the_models() -> None:
     assert committed == schema_text(), "run: python -m seod.config.schema"
 
 
+@pytest.mark.slow
 def test_the_schema_is_one() -> None:
     validator().check_schema(rig_schema())
 

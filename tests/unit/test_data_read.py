@@ -335,6 +335,7 @@ def test_times_in_ms_of_any_rate_are_asked_about_from_three_seconds_on(rate_hz, 
     assert not asked_about(1e3 / rate_hz, count, has_unit=True)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(rate_hz=st.floats(1.01, 40_000.0), part=st.floats(0.0, 0.99))
 def test_times_in_s_of_usual_length_are_not_asked_about(rate_hz, part):

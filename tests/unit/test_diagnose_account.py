@@ -105,6 +105,7 @@ def test_noise_of_any_colour_is_not_systematic(driven, memory):
     assert again is None or not again.significant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95])
 def test_what_is_missing_is_systematic(driven, memory):
     u, states, effect = driven
@@ -116,6 +117,7 @@ def test_what_is_missing_is_systematic(driven, memory):
     assert rest < 0.25 * box.share.square
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
     """Noise alone tells how small a drag is found beside it, or that even a large one is not."""
@@ -148,6 +150,7 @@ def test_what_is_asked_of_a_speed_is_where_its_readings_say_that_the_load_is(sig
     assert np.max(np.abs(found - expected)) < (0.006 if signed else 1e-12)  # the wave has a line of its own
 
 
+@pytest.mark.slow
 def test_slow_noise_in_few_windows_could_hide_anything():
     u = noise_command()
     box = foretold(parts_of(u, coloured(0.99, 1.0), moved(u)), PLANT)
@@ -155,6 +158,7 @@ def test_slow_noise_in_few_windows_could_hide_anything():
     assert box.detectable > 0.25
 
 
+@pytest.mark.slow
 def test_two_windows_held_out_are_enough(driven):
     u, states, effect = driven
     error = np.concatenate([each - each.mean() for each in np.split(effect, 4)])
@@ -359,6 +363,7 @@ def test_chance_counts_as_often_as_causes_were_tried(lagging):
     assert p_value(worse, held, 7) == pytest.approx(min(1.0, 7.0 * once))
 
 
+@pytest.mark.slow
 def test_windows_too_short_for_the_noises_memory_are_asked_as_if_it_were_white():
     """Holes leave no row with all of its past in one of them."""
     u = multisine()

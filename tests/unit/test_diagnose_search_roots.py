@@ -66,6 +66,7 @@ def of_position(push):
     return fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("push", [0.0, 300.0])
 def test_a_position_that_runs_away_begins_with_an_offset(push):
     base = of_position(push)

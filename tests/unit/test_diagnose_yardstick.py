@@ -66,6 +66,7 @@ def relieved(p):
     return 0.03 * (p - math.copysign(300.0, p)) if abs(p) > 300.0 else 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speed", "noise", "state", "more"),
     [
@@ -83,6 +84,7 @@ def test_weights_that_change_with_the_state_come_near(speed, noise, state, more)
     assert reached.changes_with == state
 
 
+@pytest.mark.slow
 def test_a_linear_plant_needs_no_weights_that_change():
     u = command()
     reached = yardstick(*halves(u, moved(u)[1], sees_speed=True))
@@ -96,6 +98,7 @@ def nearer(u, y, simulated, **how):
     return beaten(*own, yardstick(to_fit, held_out), WHITE, **how)
 
 
+@pytest.mark.slow
 def test_what_they_foretell_of_unseen_windows_is_systematic():
     u = command()
     found = nearer(u, moved(u, stiffer)[1], moved(u)[1], in_loop=False)
@@ -103,6 +106,7 @@ def test_what_they_foretell_of_unseen_windows_is_systematic():
     assert found.square > 0.0
 
 
+@pytest.mark.slow
 def test_how_much_nearer_is_told_of_windows_held_out_alone():
     """Also where one of them has no row that counts."""
     u = command()
@@ -116,6 +120,7 @@ def test_how_much_nearer_is_told_of_windows_held_out_alone():
     assert told.square == pytest.approx(float(np.mean(gained)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.995])
 def test_noise_of_any_colour_is_not_systematic(memory):
     """Beside a simulation that is right; of gusts that move a speed, as of a sensor's noise."""

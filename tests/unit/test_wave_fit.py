@@ -147,6 +147,7 @@ def test_intervals_cover_under_white_noise(zeta, omega_n):
     assert_true(errors(base, lambda rng, n: sigma * rng.standard_normal(n), 150, (zeta, omega_n)))
 
 
+@pytest.mark.slow
 def test_intervals_cover_under_coloured_noise_and_outliers():
     base = window(Loop(*PLANTS[1], 1.0), 0.4)
     sigma = 0.01 * 0.5 * np.ptp(base.y)
