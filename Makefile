@@ -71,7 +71,7 @@ notebook: $(READY)
 outputs: $(READY)
 	$(BIN)/python docs/outputs.py
 
-unit: $(READY)
+unit: machine-code
 	$(UNIT) -m "not slow and not processes"
 
 # The quick unit tests by each supported Python that is at hand, each in an environment of its own. A quarter of an hour for each to
