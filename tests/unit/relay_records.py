@@ -16,8 +16,10 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments, sparse
 from seod.diagnose.starts.relay.grid import grid_plants
 
-TICK, N, VOLTS = 1e-3, 8000, 1.85
+TICK, N, VOLTS = 1e-3, 6000, 1.85
 T = np.arange(N) * TICK
+ROWS = {"lost": 8000}
+"""Of what is lost between the grid's points: how its limit cycle grew shows in more than `N`."""
 NOISE = 0.01
 TRUTH = {"K_L": 13.0, "omega_n": 113.0, "zeta": 0.17}
 STALLS = {"coulomb_friction": {"level": 5400.0}}
@@ -35,16 +37,17 @@ def recorded(kind):
     """Series of the plant written apart under a relay, whose threshold it crosses between samples."""
     every = {"stalls": STALLS, "gives": GIVES, "plays": PLAYS, "both": BOTH, "waves": WAVES, "locks": LOCKS}
     effects = (every | {"swings": SWINGS, "lost": LOST})[kind]
-    plant = Plant(*TRUTH.values(), effects)
-    y, u, places = np.empty(N), np.empty(N), np.empty(N)
-    for k in range(N):
-        plant.advance(T[k])
+    plant, n = Plant(*TRUTH.values(), effects), ROWS.get(kind, N)
+    t = np.arange(n) * TICK
+    y, u, places = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        plant.advance(t[k])
         y[k], places[k] = plant.reading(plant.w), plant.w[PLACE]
         u[k] = -VOLTS if y[k] > 0.0 else VOLTS
         plant.command(u[k])
-    y = y + np.random.default_rng(3).normal(0.0, NOISE * np.std(y), N)
-    rows = np.arange(1, N + 1)
-    return series(Recording((Path("relay.csv"),), T, u, y, None, None, None, rows, {}, {}, ())), places
+    y = y + np.random.default_rng(3).normal(0.0, NOISE * np.std(y), n)
+    rows = np.arange(1, n + 1)
+    return series(Recording((Path("relay.csv"),), t, u, y, None, None, None, rows, {}, {}, ())), places
 
 
 GRIDS = {}
