@@ -1,6 +1,7 @@
 """What is left of a movement: systematic, or noise of whatever colour. The truth is integrated here."""
 
 import json
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,9 +10,9 @@ import pytest
 from diagnose_truth import RATE, linear, recording
 from scipy.signal import lfilter
 
-from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.black_box import _free, foretold
 from seod.diagnose.account.grade import graded
-from seod.diagnose.account.noise_colour import colour
+from seod.diagnose.account.noise_colour import NoiseColour, colour
 from seod.diagnose.account.repeats import not_repeated, repeats
 from seod.diagnose.account.residual import Plant, WindowResidual, mean_square, window_residuals
 from seod.diagnose.account.yardstick import yardstick
@@ -120,16 +121,50 @@ def test_what_is_missing_is_systematic(driven, memory):
 @pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
-    """Noise alone tells how small a drag is found beside it, or that even a large one is not."""
+    """Noise alone tells how small a drag is found beside it; beside coloured noise a small one is not."""
     u, states, effect = driven
     drag = np.concatenate([each - each.mean() for each in np.split(effect, 8)])
     drag /= np.std(drag)
     noise = coloured(memory, 1.0)
     box = foretold(parts_of(u, noise, states), PLANT)
     assert not box.share.significant
-    part = 4.0 * box.detectable if box.detectable < 1.0 else 0.0625
-    there = foretold(parts_of(u, noise + np.sqrt(part) * drag, states), PLANT)
-    assert there.share.significant == (box.detectable < 1.0)
+
+    def shown(part):
+        return foretold(parts_of(u, noise + np.sqrt(part) * drag, states), PLANT).share.significant
+
+    assert not math.isfinite(box.detectable) or shown(4.0 * box.detectable)
+    assert not memory or not shown(0.0625)
+
+
+@pytest.mark.parametrize("memory", [(), (0.95,), (0.5, 0.3, 0.1)])
+def test_noise_is_drawn_with_its_colour(memory):
+    drawn = NoiseColour(memory, 1.0, 1.0).drawn(40_000, 3, np.random.default_rng(1))
+    past = np.array([drawn[3 - k : -k] for k in range(1, 4)]).reshape(3, -1)
+    found = np.linalg.lstsq(past.T, drawn[3:].ravel(), rcond=None)[0]
+    assert found == pytest.approx([*memory, 0.0, 0.0, 0.0][:3], abs=0.02)
+
+
+def test_noise_whose_fit_grows_does_not():
+    assert np.abs(NoiseColour((1.01,), 1.0, math.inf).drawn(3000, 3, np.random.default_rng(1))).max() < 1e3
+
+
+@pytest.mark.slow
+def test_chance_is_known_by_noise_of_the_same_colour(driven):
+    """A limit that noise itself would pass, or never come near, is none."""
+    u, states, _ = driven
+    shares = [foretold(parts_of(u, coloured(0.9, 1.0, seed), states), PLANT).share for seed in range(20, 28)]
+    assert not any(one.significant for one in shares)
+    scores = np.array([one.score for one in shares])
+    limit = np.mean([one.limit for one in shares])
+    assert 1.5 < (limit - scores.mean()) / scores.std(ddof=1) < 7.0
+
+
+@pytest.mark.parametrize("sees_speed", [True, False])
+def test_what_is_free_in_a_window_is_counted_once(sees_speed):
+    """A direction more would be one of rounding, another in each unit."""
+    columns = _free(300, Plant(OMEGA_N, ZETA, sees_speed), OMEGA_N / RATE)
+    assert columns.shape == (300, 3)
+    assert np.linalg.cond(columns / np.linalg.norm(columns, axis=0)) < 1e6
 
 
 @pytest.mark.parametrize("signed", [True, False])

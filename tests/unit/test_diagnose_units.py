@@ -75,20 +75,16 @@ def leaves(answer, place="", unit=""):
 
 
 def apart(a, b):
-    """Places at which two answers differ, and by how much; the grade follows what would have been shown."""
+    """Places at which two answers differ, and by how much."""
     assert a.keys() == b.keys()
-    shown = ".account.detectable_nrmse"
-    follows = {".grade"} if shown in a and not math.isclose(a[shown], b[shown], rel_tol=TOLERANCE) else set()
     return {
         place: (a[place], b[place])
-        for place in a.keys() - follows
+        for place in a
         if not (a[place] == b[place] or (isinstance(a[place], float) and close(a[place], b[place], place)))
     }
 
 
 def close(a, b, place):
-    if place == ".account.detectable_nrmse":  # one of a few sizes, each twice the last: rounding may decide
-        return 0.4 < a / b < 2.5
     if place.endswith(".p_value"):  # of 1e-12 it changes by 27 times as much as its logarithm
         a, b = (math.log(max(each, 1e-300)) for each in (a, b))
     if ".on_load." in place:  # spectra much alike take each other's place for next to nothing

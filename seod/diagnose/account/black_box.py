@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
+from scipy.stats import t as student
 
 from seod.diagnose.account.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.account.residual import compared, fewer_shown, mean_square
@@ -54,9 +55,11 @@ def foretold(
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
-    The same is asked of the residual with a known part added to it, of several shapes, sizes and signs.
-    It has to show in errors as they are, and in what noise does not foretell of them: first all that is left
-    is taken for noise, then the rest of it. Of a model that was fitted to these (`predicted`) in these alone.
+    What chance shows is known by noises of the same colour, foretold likewise. The same is asked of the
+    residual with a known part added to it, of several shapes, sizes and signs.
+    It has to show in errors as they are, and in what noise does not foretell of them; of a model that was
+    fitted to these (`predicted`) in these alone. For noise all that is left is taken, then the rest of it:
+    the one by which more shows counts.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
@@ -64,7 +67,8 @@ def foretold(
     first = _foretold(parts, plant, _usable(colour(parts), parts), **how)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    return _foretold(parts, plant, _usable(colour(first.rest), parts), **how)
+    second = _foretold(parts, plant, _usable(colour(first.rest), parts), **how)
+    return max(first, second, key=lambda one: one.share.score - one.share.limit)
 
 
 def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
@@ -76,34 +80,61 @@ def _foretold(
     parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool, predicted: bool
 ) -> Foretold:
     sizes = sizes_of(parts)
-    added = _added(parts, plant, sizes)
+    asked = _Asked(_added(parts, plant, sizes), [_like(one, noise, k) for k, one in enumerate(parts)])
     folds = _folds(parts, noise, swept=swept)
     products = []
     for w, one in enumerate(parts):
-        columns = _columns(one, plant, sizes, added, noise)
+        columns = _columns(one, plant, sizes, asked.beside(w), noise)
         products += [_products(columns[each.rows]) for each in folds if each.window == w]
-    targets = products[0].shape[0] - len(added)
-    weights = [_weights([_of(each, targets, k) for each in products]) for k in range(len(added))]
-    rest, plain, white = [], [], []
+    weights = _weights(products, asked.targets)
+    plain: list[Errors] = []
+    white: list[Errors] = []
     for w, one in enumerate(parts):
-        by_others = [
-            (each.rows, np.array([some[p] for some in weights]))
-            for p, each in enumerate(folds)
-            if each.window == w
-        ]
-        columns = _columns(one, plant, sizes, added, WHITE)
-        plain.append(_before_and_after(columns[:, : targets + 1], [(r, x[:1]) for r, x in by_others]))
-        rest.append(replace(one, error=plain[-1].after[0], scored=plain[-1].counts))
-        white.append(_before_and_after(_columns(one, plant, sizes, added, noise), by_others))
-    pairs = zip(parts, white, strict=True)
-    unforeseen = [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
-    count = _segments(unforeseen)
-    own = _share(white, 0, count)
-    own = own if predicted else fewer_shown(_share(plain, 0, _segments(rest)), own)
-    shown = [_share(white, k, count).significant for k in range(1, len(added))]
+        by_others = [(each.rows, weights[p]) for p, each in enumerate(folds) if each.window == w]
+        for through, errors in ((WHITE, plain), (noise, white)):
+            columns = _columns(one, plant, sizes, asked.beside(w), through)
+            errors.append(_before_and_after(columns, by_others))
+    rest, added = _left(parts, plain), range(len(asked.added))
+    (own,) = _shares(plain, added[:1], _segments(rest))
+    first, *others = _shares(white, added, _segments(_left(parts, white)))
+    own = first if predicted else fewer_shown(own, first)
     held_out = [each for one, each in zip(parts, plain, strict=True) if one.held_out]
-    new = _share(held_out, 0, _segments(rest))
-    return Foretold(replace(new, score=own.score, limit=own.limit), rest, _detectable(shown))
+    new = _saved(held_out, 0, _segments(rest))
+    found = replace(new, score=own.score, limit=own.limit)
+    return Foretold(found, rest, _detectable([one.significant for one in others]))
+
+
+class _Asked(NamedTuple):
+    """Of which it is asked whether they are foretold.
+
+    Attributes:
+        added: What is added to the residual: which shape, and how much of it; first nothing.
+        noises: Of each window noise like what is left; shape (n, noises).
+    """
+
+    added: list[tuple[int, float]]
+    noises: list[Array]
+
+    @property
+    def targets(self) -> int:
+        """Residuals with what is added, and noises."""
+        return len(self.added) + BLACK_BOX.noises
+
+    def beside(self, window: int) -> tuple[list[tuple[int, float]], Array]:
+        """Those of a window."""
+        return self.added, self.noises[window]
+
+
+def _like(one: WindowResidual, noise: NoiseColour, number: int) -> Array:
+    """Noise of the same colour in a window, drawn by its number; shape (n, noises)."""
+    random = np.random.default_rng(number)
+    return np.where(one.scored[:, None], noise.drawn(len(one.t), BLACK_BOX.noises, random), 0.0)
+
+
+def _left(parts: Sequence[WindowResidual], of: Sequence[Errors]) -> list[WindowResidual]:
+    """Windows with what is not foretold of them."""
+    pairs = zip(parts, of, strict=True)
+    return [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
 
 
 def _segments(rest: Sequence[WindowResidual]) -> int:
@@ -113,7 +144,21 @@ def _segments(rest: Sequence[WindowResidual]) -> int:
     return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(rest))))
 
 
-def _share(of: Sequence[Errors], k: int, count: int) -> Share:
+def _shares(of: Sequence[Errors], which: Sequence[int], count: int) -> list[Share]:
+    """Whether residuals are foretold better than noises of the same colour, which come last, would be."""
+    last = len(of[0].before)
+    noises = [_saved(of, k, count).score for k in range(last - BLACK_BOX.noises, last)]
+    return [replace(_saved(of, k, count), limit=_limit(np.array(noises))) for k in which]
+
+
+def _limit(scores: Array) -> float:
+    """Score that one more noise would reach by chance, at least 0."""
+    count = len(scores)
+    spread = float(np.std(scores, ddof=1)) * math.sqrt(1.0 + 1.0 / count)
+    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - SYSTEMATIC.chance, count - 1)) * spread)
+
+
+def _saved(of: Sequence[Errors], k: int, count: int) -> Share:
     before, after = [one.before[k] ** 2 for one in of], [one.after[k] ** 2 for one in of]
     return compared(before, after, [one.counts for one in of], count)
 
@@ -162,7 +207,7 @@ def _detectable(shown: Sequence[bool]) -> float:
 
 
 def _added(parts: Sequence[WindowResidual], plant: Plant, sizes: dict[str, float]) -> list[tuple[int, float]]:
-    """What is added to the residual: which shape, and how much of it; first nothing.
+    """Shapes that are added to the residual, and how much of each; first nothing.
 
     Sizes ascend; each has all shapes with both signs.
     """
@@ -187,38 +232,40 @@ def _shapes(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array
     return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle, WHITE)
 
 
-def _of(products: Array, targets: int, k: int) -> Array:
-    """Products of the columns and of one residual."""
-    rows = np.r_[np.arange(targets), targets + k]
-    return np.asarray(products[np.ix_(rows, rows)])
-
-
 def _products(columns: Array) -> Array:
     """Of a window's columns and residuals, each with each."""
     return np.asarray(columns.T @ columns)
 
 
-def _weights(products: Sequence[Array]) -> Array:
-    """Coefficients for each window by the others, shape (w, p); with the penalty that foretells best."""
-    tried = [_ridge(products, ridge) for ridge in BLACK_BOX.ridges]
-    return tried[int(np.argmax([_gain(products, weights) for weights in tried]))]
+def _weights(products: Sequence[Array], asked: int) -> Array:
+    """Coefficients of the terms for each fold by the others, shape (folds, asked, terms).
+
+    The last `asked` columns are foretold, each with the penalty that foretells it best.
+    """
+    tried = np.array([_ridge(products, ridge, asked) for ridge in BLACK_BOX.ridges])
+    gains = np.array([_gain(products, weights) for weights in tried])
+    return np.asarray(tried[np.argmax(gains, axis=0), :, np.arange(asked)].swapaxes(0, 1))
 
 
-def _ridge(products: Sequence[Array], ridge: float) -> Array:
+def _ridge(products: Sequence[Array], ridge: float, asked: int) -> Array:
+    """Coefficients with one penalty, shape (folds, asked, terms)."""
     total = np.sum(products, axis=0)
-    size = np.sqrt(np.maximum(total.diagonal()[:-1], 1e-300))
+    size = np.sqrt(np.maximum(total.diagonal()[:-asked], 1e-300))
     found = []
     for own in products:
         others = total - own
-        scaled = others[:-1, :-1] / np.outer(size, size) + ridge * np.eye(len(size))
-        found.append(np.linalg.solve(scaled, others[:-1, -1] / size) / size)
+        scaled = others[:-asked, :-asked] / np.outer(size, size) + ridge * np.eye(len(size))
+        found.append(np.linalg.solve(scaled, others[:-asked, -asked:] / size[:, None]).T / size)
     return np.array(found)
 
 
-def _gain(products: Sequence[Array], weights: Array) -> float:
-    """What coefficients save of the sum of squares."""
-    pairs = zip(products, weights, strict=True)
-    return sum(float(2.0 * x @ own[:-1, -1] - x @ own[:-1, :-1] @ x) for own, x in pairs)
+def _gain(products: Sequence[Array], weights: Array) -> Array:
+    """What coefficients save of the sum of squares, shape (asked,)."""
+    asked = weights.shape[1]
+    saved = np.zeros(asked)
+    for own, x in zip(products, weights, strict=True):
+        saved += np.sum(x * (2.0 * own[:-asked, -asked:].T - x @ own[:-asked, :-asked]), axis=1)
+    return saved
 
 
 def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
@@ -233,13 +280,14 @@ def _columns(
     one: WindowResidual,
     plant: Plant,
     sizes: dict[str, float],
-    added: Sequence[tuple[int, float]],
+    asked: tuple[Sequence[tuple[int, float]], Array],
     noise: NoiseColour,
 ) -> Array:
-    """All terms, and the residual with what is added, without what a state at the beginning would do.
+    """All terms, the residual with what is added, and noises, without what a state at the beginning would do.
 
-    All as they come through what makes this noise white. Shape (n, p + len(added)).
+    All as they come through what makes this noise white. Shape (n, terms + asked).
     """
+    added, noises = asked
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
     angle = tick * plant.omega_n
@@ -249,7 +297,7 @@ def _columns(
     columns = np.column_stack([*forces, *volts, *_readings(p, v, x), error])
     shapes = _shapes(one, plant, sizes)
     more = [columns[:, -1] + size * shapes[:, k] for k, size in added[1:]]
-    return _without_beginning(np.column_stack([columns, *more]), one, plant, angle, noise)
+    return _without_beginning(np.column_stack([columns, *more, noises]), one, plant, angle, noise)
 
 
 def _without_beginning(
@@ -321,7 +369,10 @@ def _through(transfer: tuple[Array, Array], inputs: Sequence[Array], angle: floa
 
 
 def _free(n: int, plant: Plant, angle: float) -> Array:
-    """An offset, and movements of the plant that is left alone; shape (n, 3 or 4)."""
+    """An offset, and movements of the plant that is left alone; shape (n, 3).
+
+    A position that is left alone ends anywhere: its offset is among them.
+    """
     _, poles, _ = cont2discrete(_valve(plant), angle)
-    begins = np.eye(len(poles) - 1, n)
-    return np.column_stack([np.ones(n), *lfilter([1.0], poles, begins, axis=-1)])
+    left_alone = lfilter([1.0], poles, np.eye(len(poles) - 1, n), axis=-1)
+    return np.column_stack([np.ones(n), *left_alone] if plant.sees_speed else [*left_alone])

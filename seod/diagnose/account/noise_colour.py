@@ -42,6 +42,12 @@ class NoiseColour:
         """Rows of `x`, shape (n, ...), less what this noise would make of those before."""
         return unforeseen(x, self.memory)
 
+    def drawn(self, n: int, count: int, random: np.random.Generator) -> Array:
+        """Such noises; shape (n, count)."""
+        roots = np.roots(np.r_[1.0, -np.array(self.memory)])
+        poles = np.real(np.poly(roots / np.maximum(np.abs(roots), 1.0)))  # none that grows
+        return np.asarray(lfilter([1.0], poles, random.normal(size=(2 * n, count)), axis=0)[n:])
+
     def has_past(self, scored: Mask) -> Mask:
         """Rows that count, and all those before each by which it is foretold; shape (n,)."""
         return has_past(scored, self.order)

@@ -121,8 +121,8 @@ class Share:
 
 
 def fewer_shown(one: Share, other: Share) -> Share:
-    """The one of two that is nearer to chance, over its own limit."""
-    return one if one.score * other.limit < other.score * one.limit else other
+    """The one of two that is less above its own limit."""
+    return one if one.score - one.limit < other.score - other.limit else other
 
 
 def mean_square(parts: Sequence[WindowResidual]) -> float:

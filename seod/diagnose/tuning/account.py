@@ -49,6 +49,8 @@ class BlackBox:
     added: tuple[float, ...] = (1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0)
     """[-] Mean squares of systematic parts that are added to see whether they are shown, over that of what is
     left. Chosen."""
+    noises: int = 32
+    """[noises] Of the colour of what is left, foretold to see what chance shows. Chosen."""
     mostly: float = 0.75
     """[-] Of the parts added, with either sign, that have to be shown. Chosen."""
 
