@@ -9,9 +9,9 @@ from diagnose_truth import RATE, recording
 from scipy.signal import lfilter
 
 from seod.diagnose.account.loop import answers
-from seod.diagnose.account.noise_colour import WHITE
 from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.fitting.held_out import HeldOut
+from seod.diagnose.fitting.noise_colour import WHITE
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 from scipy.stats import t as student
 
-from seod.diagnose.account.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.account.residual import compared, fewer_shown, mean_square
+from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.account.loop import answers
-from seod.diagnose.account.noise_colour import colour
 from seod.diagnose.account.residual import window_residuals
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
+from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.search.beam import least_gain
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.search import REFINE

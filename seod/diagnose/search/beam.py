@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import plain_forms
+from seod.diagnose.search.noise_alone import noise_alone
 from seod.diagnose.search.race import elsewhere, extended
-from seod.diagnose.tuning.fitting import FIT
 from seod.diagnose.tuning.search import BEAM
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def grow(screen: Screen, roots: Roots, progress: Callable[[float], None]) -> Gro
     grown = Grown([*sets, roots.baseline], {frozenset(one.model.names): one for one in sets})
     beam = list(roots.begin)
     for size in range(1, BEAM.most_effects + 1):
-        if grown.best[0].excess < FIT.noise_alone or screen.budget.spent:
+        if noise_alone(grown.best[0], screen) or screen.budget.spent:
             break
         children = extended(screen, beam)
         ranked = best_of_each(children)

@@ -11,6 +11,7 @@ import numpy as np
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
+from seod.diagnose.search.noise_alone import nothing_promised
 from seod.diagnose.search.prune import best_alike, plainer, thinned
 from seod.diagnose.search.refine import refined, settled
 from seod.diagnose.search.whole_recordings import one_more, widened
@@ -46,9 +47,10 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
     best, least = (Judged.of(plainest(complete), held_out) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
-    if best.held.adequacy > HELD_OUT.adequate:
+    more = best.held.adequacy > HELD_OUT.adequate and not nothing_promised(best.found, screen)
+    if more:
         best = best_alike(best, held_out, screen)
-    if best.held.adequacy > HELD_OUT.adequate:
+    if more and best.held.adequacy > HELD_OUT.adequate:
         over = screen.budget.looking()
         plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen, over)
         best, base = _least((best, *sets), screen), _least((base, plain), screen)

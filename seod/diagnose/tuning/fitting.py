@@ -78,6 +78,25 @@ HELD_OUT: Final = HeldOut()
 
 
 @dataclass(frozen=True, slots=True)
+class NoiseColour:
+    """A residual's memory."""
+
+    longest: int = 8
+    """[rows] Order, at most. Chosen."""
+    enough: float = 2.0
+    """[-] Log likelihood by which a longer memory has to be better. Chosen."""
+    decays: float = 20.0
+    """[-] Time constants of the slowest part, after which nothing is left. Chosen."""
+    most_rows: int = 1_000_000
+    """[rows] Of it, at most. Chosen."""
+    rows_each: int = 20
+    """[rows] For each coefficient, at least. Chosen."""
+
+
+NOISE_COLOUR: Final = NoiseColour()
+
+
+@dataclass(frozen=True, slots=True)
 class InitialStates:
     """States with which windows begin."""
 

@@ -71,6 +71,20 @@ BUDGET: Final = Budget()
 
 
 @dataclass(frozen=True, slots=True)
+class NoiseAlone:
+    """Whether what is left is noise of any colour."""
+
+    chance: float = 0.01
+    """[-] Probability with which chance alone promises something of any cause. Chosen."""
+    telling: float = 0.5
+    """[-] Rows that have all of their past, or that rounding does not hide, over those that count, at least.
+    Chosen."""
+
+
+NOISE_ALONE: Final = NoiseAlone()
+
+
+@dataclass(frozen=True, slots=True)
 class FinalChoice:
     """Which set is the answer."""
 

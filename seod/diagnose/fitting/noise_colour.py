@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from scipy.signal import lfilter
 
 from seod.diagnose.record.memory import has_past, unforeseen
-from seod.diagnose.tuning.account import NOISE_COLOUR
+from seod.diagnose.tuning.fitting import NOISE_COLOUR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.result import Array, Mask
+
+
+class Residual(Protocol):
+    """What is left of one window: of each row how much, and whether the row counts; shape (n,)."""
+
+    @property
+    def error(self) -> Array:
+        """Measured less simulated [unit of y]."""
+
+    @property
+    def scored(self) -> Mask:
+        """Rows that count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +67,7 @@ class NoiseColour:
 WHITE: Final = NoiseColour((), 1.0, 1.0)
 
 
-def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
+def colour(parts: Sequence[Residual]) -> NoiseColour:
     """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse.
 
     Rows are foretold by their neighbours only, not across rows that do not count. Where so few neighbours are
@@ -83,7 +94,7 @@ def colour(parts: Sequence[WindowResidual]) -> NoiseColour:
     return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
 
 
-def _segments(one: WindowResidual) -> list[Array]:
+def _segments(one: Residual) -> list[Array]:
     """What is left of a window but for its mean, cut where rows between neighbours do not count.
 
     Neighbours of a sensor that repeats its readings are as far apart as these last.

@@ -1,0 +1,77 @@
+"""Whether what a set of effects leaves is noise of any colour, so that no further effect is looked for.
+
+Such noise remembers: an autoregression foretells a part of it. In what this does not foretell, every sample
+tells something of its own, so that chance can be reckoned: a direction that has nothing to do with the noise
+takes up one part in `n` of it, and `n` times the log of what it saves is distributed as chi squared (the
+likelihood ratio; Wilks, Ann. Math. Statist. 9, 1938).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+from seod.diagnose.causes.table import CAUSES, further_causes, remote
+from seod.diagnose.fitting.least_squares import weighted
+from seod.diagnose.fitting.noise_colour import colour
+from seod.diagnose.search.first_order_gain import ParentResidual
+from seod.diagnose.search.refine import refined
+from seod.diagnose.starts.effect_starts import effect_starts
+from seod.diagnose.tuning.fitting import FIT
+from seod.diagnose.tuning.search import NOISE_ALONE
+
+if TYPE_CHECKING:
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.result import Array, Mask
+    from seod.diagnose.search.screen import Screen
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """What is left of a window; shape (n,)."""
+
+    error: Array
+    scored: Mask
+
+
+def noise_alone(found: Fitted, screen: Screen) -> bool:
+    """Whether white noise is left, or noise of another colour: on the windows for trying, then on all."""
+    if found.excess < FIT.noise_alone:
+        return True
+    if not nothing_promised(found, screen):
+        return False
+    return found.cut is screen.every or nothing_promised(refined(found, screen.every, screen), screen)
+
+
+def nothing_promised(found: Fitted, screen: Screen) -> bool:
+    """Whether no further effect promises to save more of what is left than chance would.
+
+    Nobody can tell where a coarse sensor's rounding hides the error of most rows.
+    """
+    cut = found.cut
+    error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
+    if np.count_nonzero(error) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
+        return False
+    left = [_Left(error[rows], cut.good[rows]) for rows in cut.slices if cut.good[rows].any()]
+    remembering = cut.remembering(colour(left).memory)
+    if np.count_nonzero(remembering.good) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
+        remembering = cut
+    return not _promised(replace(found, cut=remembering), screen)
+
+
+def _promised(found: Fitted, screen: Screen) -> bool:
+    """Whether an effect more promises to save more than chance would of one of so many."""
+    ahead, rows = ParentResidual(found), np.count_nonzero(found.cut.good)
+    trials = [
+        (name, start)
+        for name in further_causes(found.model.scales, found.model.names)
+        for start in effect_starts(found, name, screen.every)
+        if not remote(start)
+    ]
+    of_one = float(chi2.isf(NOISE_ALONE.chance / max(len(trials), 1), 1))
+    of_wave = float(chi2.isf(NOISE_ALONE.chance / (rows / 2), 2))  # the largest of so many lines
+    promises = screen.parallel(lambda trial: (trial[0], ahead.promise(*trial)), trials)
+    return any(rows * one.saves > (of_wave if CAUSES[name].wave else of_one) for name, one in promises)

@@ -1,0 +1,91 @@
+"""Where a search ends: where no cause promises to save more of the noise than chance would.
+
+The plant is stepped by the exponential of its matrix, apart from `sim`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from seod.data import Recording
+from seod.diagnose.causes.scales import Scales
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, fitted_windows
+from seod.diagnose.search.beam import Grown, grow
+from seod.diagnose.search.budget import Budget
+from seod.diagnose.search.noise_alone import noise_alone
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.search_roots import Roots
+
+K_L, OMEGA_N, ZETA = 20.0, 60.0, 0.5
+RATE, N = 500.0, 6000
+T = np.arange(N) / RATE
+NOISE = 0.01
+"""[-] Of the movement's deviation."""
+
+
+def moved(spring: float) -> tuple[np.ndarray, np.ndarray]:
+    """Commands and positions of Eq. 1 with a spring [of the oil's stiffness] to the middle."""
+    lines = np.arange(1, 13)
+    u = 0.5 * np.sin(2.0 * np.pi * 0.5 * T[:, None] * lines + lines**2).sum(axis=1)
+    a = np.zeros((4, 4))  # position, speed, acceleration by the oil, command
+    a[0, 1] = a[1, 2] = 1.0
+    a[1, 0] = -spring * OMEGA_N**2
+    a[2, 1], a[2, 2], a[2, 3] = -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N, K_L * OMEGA_N**2
+    step = expm(a / RATE)
+    state, y = np.zeros(4), np.empty(N)
+    for k in range(N):
+        y[k] = state[0]
+        state[3] = u[k]
+        state = step @ state
+    return u, y
+
+
+def fitted(memory: float, spring: float, seed: int = 1):
+    """Eq. 1 fitted to readings with such noise, and the screen of its search."""
+    u, y = moved(spring)
+    noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(size=2 * N))[N:]
+    y = y + NOISE * np.std(y) * noise / np.std(noise)
+    one = series(Recording((Path("r.csv"),), T, u, y, None, None, None, np.arange(1, N + 1), {}, {}, ()))
+    to_fit = fitted_windows(cut([one])[0])
+    screened = screen(to_fit, map, Budget())
+    size = float(np.std(y))
+    sizes = Scales(1.0, 60.0 * size, 3600.0 * size, 0.0, size, size, 60.0, 12.0, 1.0 / RATE)
+    model = baseline_model(sizes, 1.0, False, {})
+    x = model.searched({"K_L": 18.0, "omega_n": 50.0, "zeta": 0.4})
+    found = fit(model, screened.cut, x, simulated_states(model, x, screened.cut), 40)
+    return found, screened
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_that_remembers_is_noise_alone(memory, seed):
+    found, screened = fitted(memory, 0.0, seed)
+    assert found.excess > 3.0 or memory == 0.0
+    assert noise_alone(found, screened)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
+def test_a_spring_beneath_such_noise_is_not(memory):
+    assert not noise_alone(*fitted(memory, 0.02))
+
+
+def test_rounding_is_no_noise_of_a_colour():
+    found, screened = fitted(0.95, 0.0)
+    rounded = [replace(each, slack=1e-9) for each in found.cut.series]
+    assert not noise_alone(replace(found, cut=replace(found.cut, series=rounded)), screened)
+
+
+def test_nothing_is_tried_beside_noise_that_remembers():
+    found, screened = fitted(0.99, 0.0)
+    grown = grow(screened, Roots(found, [found]), lambda _: None)
+    assert grown == Grown([found], {})
