@@ -22,7 +22,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, fitted_windows
 from seod.diagnose.search.beam import Grown, grow
 from seod.diagnose.search.budget import Budget
-from seod.diagnose.search.noise_alone import noise_alone
+from seod.diagnose.search.noise_alone import noise_alone, nothing_promised
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.search_roots import Roots
 
@@ -79,10 +79,20 @@ def test_a_spring_beneath_such_noise_is_not(memory):
     assert not noise_alone(*fitted(memory, 0.02))
 
 
-def test_rounding_is_no_noise_of_a_colour():
+def test_rounding_that_hides_the_error_of_most_rows_tells_nothing():
     found, screened = fitted(0.95, 0.0)
-    rounded = [replace(each, slack=1e-9) for each in found.cut.series]
-    assert not noise_alone(replace(found, cut=replace(found.cut, series=rounded)), screened)
+    slack = float(np.sqrt(np.mean(found.error)))
+    rounded = [replace(each, slack=slack) for each in found.cut.series]
+    assert nothing_promised(found, screened)
+    assert not nothing_promised(replace(found, cut=replace(found.cut, series=rounded)), screened)
+
+
+def test_what_few_windows_do_not_show_is_asked_of_all():
+    found, screened = fitted(0.99, 0.005)
+    few = found.cut.only([0])
+    less = replace(found, cut=few, start=found.start[:1], error=found.error[:1])
+    assert nothing_promised(less, screened)
+    assert not noise_alone(less, screened)
 
 
 def test_nothing_is_tried_beside_noise_that_remembers():

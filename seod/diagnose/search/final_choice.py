@@ -47,7 +47,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
     best, least = (Judged.of(plainest(complete), held_out) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
-    more = best.held.adequacy > HELD_OUT.adequate and not nothing_promised(best.found, screen)
+    more = best.held.adequacy > HELD_OUT.adequate and not _noise_alone(best.found, undivided(cut), screen)
     if more:
         best = best_alike(best, held_out, screen)
     if more and best.held.adequacy > HELD_OUT.adequate:
@@ -65,6 +65,11 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     if own.found.model.names and own.held.adequacy <= HELD_OUT.adequate:
         own = Judged.of(settled(own.found, own.found.cut, screen), held_out)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
+
+
+def _noise_alone(found: Fitted, wide: Cut, screen: Screen) -> bool:
+    """Whether nothing more is promised of windows, nor of whole recordings, which show what is slow."""
+    return nothing_promised(found, screen) and nothing_promised(refined(found, wide, screen), screen)
 
 
 def _over_whole(

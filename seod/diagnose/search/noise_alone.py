@@ -22,6 +22,7 @@ from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
 from seod.diagnose.tuning.fitting import FIT
 from seod.diagnose.tuning.search import NOISE_ALONE
+from seod.diagnose.tuning.starts import LINES
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
@@ -72,6 +73,6 @@ def _promised(found: Fitted, screen: Screen) -> bool:
         if not remote(start)
     ]
     of_one = float(chi2.isf(NOISE_ALONE.chance / max(len(trials), 1), 1))
-    of_wave = float(chi2.isf(NOISE_ALONE.chance / (rows / 2), 2))  # the largest of so many lines
+    of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows), 2))  # the largest of so many lines
     promises = screen.parallel(lambda trial: (trial[0], ahead.promise(*trial)), trials)
     return any(rows * one.saves > (of_wave if CAUSES[name].wave else of_one) for name, one in promises)
