@@ -57,9 +57,13 @@ def command(kind: str, t: Array, omega_n: float, random: np.random.Generator) ->
     return np.asarray(u / np.abs(u).max())
 
 
-def moved(u: Array, omega_n: float, zeta: float, tick: float) -> Array:
-    """Pressure, velocity and position of Eq. 1 with K_L = 1, by a matrix exponential; shape (3, n)."""
-    a = np.array([[-2.0 * zeta * omega_n, -(omega_n**2), 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+def moved(u: Array, omega_n: float, zeta: float, tick: float, spring: float = 0.0) -> Array:
+    """Pressure, velocity and position of Eq. 1 with K_L = 1, by a matrix exponential; shape (3, n).
+
+    A spring over the oil's stiffness pulls the load to the middle.
+    """
+    oil = omega_n**2
+    a = np.array([[-2.0 * zeta * omega_n, -oil, 0.0], [1.0, 0.0, -spring * oil], [0.0, 1.0, 0.0]])
     both = np.zeros((4, 4))
     both[:3, :3], both[0, 3] = a, omega_n**2
     step = expm(both * tick)

@@ -16,7 +16,7 @@ from seod.diagnose.account.repeats import not_repeated, repeats
 from seod.diagnose.account.residual import Plant, WindowResidual, mean_square, window_residuals
 from seod.diagnose.account.yardstick import yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
-from seod.diagnose.fitting.initial_states import simulated_states, travelled
+from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.noise_colour import NoiseColour, colour
@@ -174,7 +174,7 @@ def test_what_is_asked_of_a_speed_is_where_its_readings_say_that_the_load_is(sig
     t = np.arange(n) / RATE
     y = np.cos(9.0 * t) if signed else 1.5 + np.cos(9.0 * t)
     one = series(recording(np.sin(5.0 * t), y), np.zeros(n, np.bool_), sees_speed=True)
-    place = travelled(one)
+    place = one.travelled
     off, wave = 0.7 * (t - t[0]) + 0.2, 0.01 * np.sin(40.0 * t)
     states = np.column_stack([np.zeros(n), y, place + off + wave, place, np.zeros(n)])
     some = np.ones(n, np.bool_)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import lfilter, lfiltic
 
-from seod.diagnose.fitting.initial_states import travelled
 from seod.diagnose.tuning.account import YARDSTICK
 
 if TYPE_CHECKING:
@@ -71,7 +70,7 @@ def runs_of(cut: Cut, stride: int) -> list[Run | None]:
     """Each window with a sample for so many rows; None where few are left."""
     out: list[Run | None] = []
     y, u, good, started = cut.y, cut.gathered("u"), cut.good, cut.started()
-    places = [travelled(one) if one.sees_speed else one.y for one in cut.series]
+    places = [one.travelled if one.sees_speed else one.y for one in cut.series]
     for (k, begin, _), rows in zip(cut.windows, cut.slices, strict=True):
         count = (rows.stop - rows.start) // stride
         kept = slice(rows.start, rows.start + count * stride)

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.fitting.initial_states import travelled
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
 from seod.diagnose.tuning.account import SYSTEMATIC
 
@@ -81,7 +80,7 @@ def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
             t, u = one.t[first:last], one.u[first:last]
             pressure, velocity, position = states[:, PRESSURE], states[:, VELOCITY], states[:, POSITION]
             if tells_its_place(one):
-                position = position + _line(t, travelled(one)[first:last] - position)
+                position = position + _line(t, one.travelled[first:last] - position)
             some = pressure, velocity, position
             out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
     return out

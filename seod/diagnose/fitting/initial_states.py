@@ -27,17 +27,11 @@ def measured_places(cut: Cut) -> Array:
     start = np.zeros((len(cut.windows), STATES))
     for run in cut.runs:
         one = run.recording
-        place = travelled(one) if one.sees_speed else one.y
+        place = one.travelled if one.sees_speed else one.y
         for w, first, last in zip(run.own, run.first, run.last, strict=True):
             row = first if one.sees_speed else first + np.flatnonzero(one.good[first:last])[0]
             start[w, POSITION] = place[row]
     return start
-
-
-def travelled(recording: Series) -> Array:
-    """Positions by the integral of a speed, from 0, shape (n,)."""
-    y = np.interp(recording.t, recording.t[recording.good], recording.y[recording.good])
-    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(recording.t))])
 
 
 def simulated_states(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Array, Hold, Mask, Rows
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Series:
     """A recording as the simulation takes it; arrays of shape (n,).
 
@@ -75,6 +76,14 @@ class Series:
     def relayed(self) -> bool:
         """Whether a relay gave the commands."""
         return self.levels <= SERIES.relay_levels
+
+    @cached_property
+    def travelled(self) -> Array:
+        """Positions by the integral of a speed, from 0, shape (n,). Not to be written to."""
+        y = np.interp(self.t, self.t[self.good], self.y[self.good])
+        place = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(self.t))])
+        place.flags.writeable = False
+        return place
 
     def sparser(self, stride: int) -> Series:
         """Every so manieth sample, and the commands that change something."""

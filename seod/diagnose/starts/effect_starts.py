@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.causes.table import CAUSES, SHAKES, bare, group, wave_of
-from seod.diagnose.fitting.initial_states import simulated_states, travelled
+from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import Fitted, settle
 from seod.diagnose.fitting.simulate import POSITION, inside
 from seod.diagnose.starts.lines import lines, wave_starts
@@ -63,5 +63,5 @@ def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     residual = np.where(cut.good, y - simulated, 0.0)
     if model.sees_speed:  # as it was read: simulated ones have the parent's errors
         speed = np.where(cut.good, y, 0.0)
-        position = np.concatenate([travelled(cut.series[k])[a:b] for k, a, b in cut.windows])
+        position = np.concatenate([cut.series[k].travelled[a:b] for k, a, b in cut.windows])
     return lines(wave_of(name), cut, residual, position, speed)

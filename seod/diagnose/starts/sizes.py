@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.fitting.initial_states import travelled
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY, inside
 from seod.diagnose.tuning.starts import SIZES
 
@@ -64,7 +63,7 @@ def _range(channels: Sequence[Array]) -> float:
 
 def _places(recording: Series) -> Array:
     """Positions of the load, but for the farthest few, as samples show them: their integral, of a speed."""
-    places = travelled(recording) if recording.sees_speed else recording.y[recording.good]
+    places = recording.travelled if recording.sees_speed else recording.y[recording.good]
     return np.clip(places, *np.quantile(places, (SIZES.outliers_of_travel, 1.0 - SIZES.outliers_of_travel)))
 
 
