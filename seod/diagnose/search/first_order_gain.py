@@ -40,12 +40,11 @@ class ParentResidual:
         residual, error = search.tried(parent.x, parent.start)
         table = search.derivatives(parent.x, parent.start, residual, error).table
         assert table is not None  # noqa: S101 - a search has one
-        self.good, self.residual, self.slices = search.good, residual, parent.cut.slices
+        self.good, self.residual = search.good, residual
         self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
-        columns = table.columns[:, :-1] * self.weight[:, None]
-        states = len(parent.model.states)
-        self.states = [_directions(columns[rows, :states]) for rows in self.slices]
-        self.own = _directions(self._beyond_states(columns[:, states:]))
+        own = table.columns[:, :-1] * self.weight[:, None]
+        size = np.linalg.norm(own, axis=0)
+        self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
         self.remaining = self._beyond(residual)
 
     def promise(self, name: str, start: Values) -> Promise:
@@ -68,17 +67,5 @@ class ParentResidual:
 
     def _beyond(self, y: Array) -> Array:
         """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
-        rest = self._beyond_states(np.clip(y * self.weight, -1e100, 1e100))
-        return np.asarray(rest - self.own @ (self.own.T @ rest))
-
-    def _beyond_states(self, y: Array) -> Array:
-        """Of rows of weighted changes what no initial state of their window can do, shape (n, ...)."""
-        pairs = zip(self.slices, self.states, strict=True)
-        return np.concatenate([y[rows] - own @ (own.T @ y[rows]) for rows, own in pairs])
-
-
-def _directions(columns: Array) -> Array:
-    """What columns span, orthonormal, without those that are nothing; shape (n, at most columns)."""
-    size = np.linalg.norm(columns, axis=0)
-    some = size > 0.0
-    return np.linalg.qr(columns[:, some] / size[some])[0]
+        weighted = np.clip(y * self.weight, -1e100, 1e100)
+        return np.asarray(weighted - self.own @ (self.own.T @ weighted))
