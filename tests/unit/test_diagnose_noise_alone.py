@@ -16,15 +16,18 @@ from scipy.signal import lfilter
 from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, fitted_windows
+from seod.diagnose.search import final_choice
 from seod.diagnose.search.beam import Grown, grow
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.noise_alone import noise_alone, nothing_promised
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.search_roots import Roots
+from seod.diagnose.tuning.fitting import HELD_OUT
 
 K_L, OMEGA_N, ZETA = 20.0, 60.0, 0.5
 RATE, N = 500.0, 6000
@@ -50,15 +53,20 @@ def moved(spring: float) -> tuple[np.ndarray, np.ndarray]:
     return u, y
 
 
-def fitted(memory: float, spring: float, seed: int = 1):
-    """Eq. 1 fitted to readings with such noise, and the screen of its search."""
+def halves(memory: float, spring: float, seed: int = 1):
+    """Windows to fit and windows held out of readings with such noise, and the readings' deviation."""
     u, y = moved(spring)
     noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(size=2 * N))[N:]
     y = y + NOISE * np.std(y) * noise / np.std(noise)
     one = series(Recording((Path("r.csv"),), T, u, y, None, None, None, np.arange(1, N + 1), {}, {}, ()))
-    to_fit = fitted_windows(cut([one])[0])
+    to_fit, held_out = cut([one])
+    return fitted_windows(to_fit), held_out, float(np.std(y))
+
+
+def fitted(memory: float, spring: float, seed: int = 1):
+    """Eq. 1 fitted to such readings, and the screen of its search."""
+    to_fit, _, size = halves(memory, spring, seed)
     screened = screen(to_fit, map, Budget())
-    size = float(np.std(y))
     sizes = Scales(1.0, 60.0 * size, 3600.0 * size, 0.0, size, size, 60.0, 12.0, 1.0 / RATE)
     model = baseline_model(sizes, 1.0, False, {})
     x = model.searched({"K_L": 18.0, "omega_n": 50.0, "zeta": 0.4})
@@ -99,3 +107,26 @@ def test_nothing_is_tried_beside_noise_that_remembers():
     found, screened = fitted(0.99, 0.0)
     grown = grow(screened, Roots(found, [found]), lambda _: None)
     assert grown == Grown([found], {})
+
+
+def test_where_no_row_counts_nobody_can_tell():
+    found, screened = fitted(0.95, 0.0)
+    none = [replace(each, good=np.zeros(len(each.t), np.bool_)) for each in found.cut.series]
+    assert not nothing_promised(replace(found, cut=replace(found.cut, series=none)), screened)
+
+
+@pytest.mark.parametrize(("spring", "looks"), [(0.0, False), (0.02, True)])
+def test_whole_recordings_are_searched_where_something_is_promised(spring, looks, monkeypatch):
+    found, screened = fitted(0.99, spring)
+    to_fit, held_out, _ = halves(0.99, spring)
+    base, asked = Judged.of(found, held_out), []
+
+    def over_whole(*_):
+        asked.append(True)
+        return base, []
+
+    monkeypatch.setattr(final_choice, "_over_whole", over_whole)
+    choice = final_choice.choose(base, Grown([found]), to_fit, held_out, screened)
+    assert base.held.adequacy > HELD_OUT.adequate
+    assert bool(asked) is looks
+    assert not choice.best.found.model.names

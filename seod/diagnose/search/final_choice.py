@@ -47,7 +47,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     complete = _refined([each for each in finalists(grown.best) if each.model.names], cut, screen)
     best, least = (Judged.of(plainest(complete), held_out) if complete else base), least_gain(cut)
     tried = dict(grown.tried)
-    more = best.held.adequacy > HELD_OUT.adequate and not _noise_alone(best.found, undivided(cut), screen)
+    more = best.held.adequacy > HELD_OUT.adequate and not _nothing_more(best.found, undivided(cut), screen)
     if more:
         best = best_alike(best, held_out, screen)
     if more and best.held.adequacy > HELD_OUT.adequate:
@@ -67,7 +67,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
 
 
-def _noise_alone(found: Fitted, wide: Cut, screen: Screen) -> bool:
+def _nothing_more(found: Fitted, wide: Cut, screen: Screen) -> bool:
     """Whether nothing more is promised of windows, nor of whole recordings, which show what is slow."""
     return nothing_promised(found, screen) and nothing_promised(refined(found, wide, screen), screen)
 

@@ -50,11 +50,11 @@ def noise_alone(found: Fitted, screen: Screen) -> bool:
 def nothing_promised(found: Fitted, screen: Screen) -> bool:
     """Whether no further effect promises to save more of what is left than chance would.
 
-    Nobody can tell where a coarse sensor's rounding hides the error of most rows.
+    Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most.
     """
     cut = found.cut
     error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
-    if np.count_nonzero(error) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
+    if np.count_nonzero(error) <= NOISE_ALONE.telling * np.count_nonzero(cut.good):
         return False
     left = [_Left(error[rows], cut.good[rows]) for rows in cut.slices if cut.good[rows].any()]
     remembering = cut.remembering(colour(left).memory)
