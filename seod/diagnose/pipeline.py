@@ -115,8 +115,6 @@ def _diagnose(
     recordings, holdout, unbelieved = _believed(recordings, holdout)
     output, closed, typed = _typed(recordings, asked)
     sees_speed = output == "velocity"
-    rows = sum(len(each.t) for each in recordings)
-    budget = Budget.of(rows, asked.effort)
     rig = rated(asked.config, asked.axis)
     nominal = nominal_conditions(recordings) | rig.conditions
     checked = [examine(each) for each in (*recordings, *holdout)]
@@ -135,10 +133,12 @@ def _diagnose(
         )
         for each, defects in zip((*recordings, *holdout), checked, strict=True)
     ]
+    searched = in_blocks(every[: len(recordings)])
+    rows = sum(last - first for one in searched for first, last in one.blocks)
+    budget = Budget.of(rows, asked.effort)
     with ThreadPoolExecutor(processors()) as pool:
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
-        searched = in_blocks(every[: len(recordings)])
         start = _start(searched, way)
         unseen = _with(start.held_out, in_blocks(every[len(recordings) :]))
         found = _search(start, unseen, way, closed)

@@ -1,5 +1,7 @@
 """The diagnosis finds what records hide; it sees their files alone. `bench/blind.py` is the large set."""
 
+from dataclasses import replace
+
 import pytest
 from hidden_cases import draw
 from hidden_records import make_record, write
@@ -94,6 +96,22 @@ def test_two_hidden_causes_are_named(tmp_path, causes, excitation, sees_speed):
     case = draw(4, "two", causes, excitation, sees_speed, duration=SECONDS)
     told = told_of(case, tmp_path)
     assert outcome(case.kind, case.causes, told) != "wrong", (case, told)
+
+
+@pytest.mark.parametrize(
+    ("number", "causes", "excitation"),
+    [
+        (7000, ("coulomb_friction", "valve_deadband"), "multisine"),
+        (7001, ("coulomb_friction", "transport_delay"), "steps"),
+    ],
+)
+def test_a_recording_of_four_minutes_names_what_one_of_twelve_seconds_does(
+    number, causes, excitation, tmp_path
+):
+    """Its position drifts, which is no movement of the plant. `bench/long_recordings.py` is the large set."""
+    case = draw(number, "two", causes, excitation, False, duration=12.0)
+    told = told_of(replace(case, tick=0.001, duration=240.0), tmp_path)
+    assert outcome("two", causes, told) == "exact"
 
 
 @pytest.mark.parametrize("excitation", ["relay", "multisine", "operation"])

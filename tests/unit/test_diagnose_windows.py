@@ -11,6 +11,7 @@ from plant_truth import Plant
 
 from seod.diagnose.fitting.simulate import inside, simulate
 from seod.diagnose.record import blocks
+from seod.diagnose.record import series as series_of
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.record.series import dominant_hz, series
@@ -59,6 +60,15 @@ def test_noise_is_not_seen_in_rows_that_do_not_count_nor_over_gaps():
 def test_the_dominant_frequency_is_found_beside_a_drift():
     y = 3.0 * T + np.sin(2.0 * np.pi * 5.3 * T) + 0.3 * np.sin(2.0 * np.pi * 31.0 * T)
     assert dominant_hz(T, y, np.ones(len(T), np.bool_)) == pytest.approx(5.3, abs=0.1)
+
+
+def test_the_dominant_period_of_a_long_position_is_not_that_of_its_drift(monkeypatch):
+    """The longer it is recorded, the farther it drifts, and the slower."""
+    y = 20.0 * np.sin(2.0 * np.pi * 0.09 * T) + np.sin(2.0 * np.pi * 5.3 * T)
+    assert series(of(y)).period_s == pytest.approx(1.0 / 0.09, rel=0.1)
+    monkeypatch.setattr(series_of, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(T) - 1))
+    assert series(of(y)).period_s == pytest.approx(1.0 / 5.3, rel=0.02)
+    assert series(of(y), sees_speed=True).period_s == pytest.approx(1.0 / 0.09, rel=0.1)
 
 
 @pytest.mark.parametrize(("hz", "length"), [(20.0, 1.0), (5.0, 2.0), (0.7, 3.0)])

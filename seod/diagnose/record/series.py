@@ -12,7 +12,7 @@ import numpy as np
 from seod.diagnose.record.coarse_sensor import readings
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.result import DiagnoseError
-from seod.diagnose.tuning.record import SERIES
+from seod.diagnose.tuning.record import BLOCKS, SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -150,7 +150,8 @@ def series(
     if taken is not None:
         t = taken
     t_u = np.maximum.accumulate(t_u)
-    noise, period_s = _noise(t, y, good, taken is not None), 1.0 / dominant_hz(t, y, good)
+    drifts = not sees_speed and len(t) > BLOCKS.searched_rows
+    noise, period_s = _noise(t, y, good, taken is not None), 1.0 / dominant_hz(t, y, good, drifts=drifts)
     least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
     noise = max(noise, least) if math.isfinite(noise) else least
     slack, level, allowed = 0.0, noise, noise
@@ -249,13 +250,18 @@ def _window_s(t: Array, period_s: float) -> float:
     return min(max(SERIES.shortest_window_s, SERIES.window_periods * period_s), span / SERIES.fewest_windows)
 
 
-def dominant_hz(t: Array, y: Array, good: Mask) -> float:
-    """Frequency at which the detrended `y` has its largest line [Hz]."""
+def dominant_hz(t: Array, y: Array, good: Mask, *, drifts: bool = False) -> float:
+    """Frequency at which the detrended `y` has its largest line [Hz].
+
+    Of what `drifts` its change has: the longer a position is recorded, the slower is what moves it farthest.
+    """
     count = min(len(t), SERIES.most_spectrum_rows)
     even = np.linspace(t[0], t[-1], count)
     signal = np.interp(even, t[good], y[good])
     line = np.polynomial.Polynomial.fit(even, signal, 1)
     signal = (signal - line(even)) * np.hanning(count)
     spectrum = np.abs(np.fft.rfft(signal))
+    if drifts:
+        spectrum *= np.arange(len(spectrum))
     peak = 1 + int(np.argmax(spectrum[1:]))
     return peak / float(t[-1] - t[0])

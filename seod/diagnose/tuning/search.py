@@ -44,7 +44,7 @@ class Budget:
     further_s: float = 10.0
     """[s] The same that a short one may use beyond: what follows takes less. Chosen."""
     long_rows: int = 120_000
-    """[rows] Of a long recording: a minute at 2 kHz. Chosen."""
+    """[rows] Searched, from which on there is no more of it: a minute at 2 kHz. Chosen."""
     quick: float = 0.25
     """[-] Of that work at `--effort quick`. Chosen."""
     normal: float = 1.0
