@@ -71,6 +71,13 @@ def test_the_dominant_period_of_a_long_position_is_not_that_of_its_drift(monkeyp
     assert series(of(y), sees_speed=True).period_s == pytest.approx(1.0 / 0.09, rel=0.1)
 
 
+def test_noise_is_not_taken_for_the_speed_of_a_long_position(monkeypatch):
+    """Of a slow movement sampled quickly the change is noise for the most part."""
+    y = np.sin(2.0 * np.pi * 0.4 * T) + np.random.default_rng(1).normal(0.0, 0.05, len(T))
+    monkeypatch.setattr(series_of, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(T) - 1))
+    assert series(of(y)).period_s == pytest.approx(1.0 / 0.4, rel=0.1)
+
+
 @pytest.mark.parametrize(("hz", "length"), [(20.0, 1.0), (5.0, 2.0), (0.7, 3.0)])
 def test_a_window_is_ten_periods_at_least_a_second_at_most_a_quarter(hz, length):
     assert series(of(np.sin(2.0 * np.pi * hz * T))).window_s == pytest.approx(length, rel=0.06)

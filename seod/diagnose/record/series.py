@@ -151,7 +151,8 @@ def series(
         t = taken
     t_u = np.maximum.accumulate(t_u)
     drifts = not sees_speed and len(t) > BLOCKS.searched_rows
-    noise, period_s = _noise(t, y, good, taken is not None), 1.0 / dominant_hz(t, y, good, drifts=drifts)
+    noise = _noise(t, y, good, taken is not None)
+    period_s = 1.0 / dominant_hz(t, y, good, noise if drifts else None)
     least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
     noise = max(noise, least) if math.isfinite(noise) else least
     slack, level, allowed = 0.0, noise, noise
@@ -250,18 +251,20 @@ def _window_s(t: Array, period_s: float) -> float:
     return min(max(SERIES.shortest_window_s, SERIES.window_periods * period_s), span / SERIES.fewest_windows)
 
 
-def dominant_hz(t: Array, y: Array, good: Mask, *, drifts: bool = False) -> float:
+def dominant_hz(t: Array, y: Array, good: Mask, drifts_beside: float | None = None) -> float:
     """Frequency at which the detrended `y` has its largest line [Hz].
 
-    Of what `drifts` its change has: the longer a position is recorded, the slower is what moves it farthest.
+    Of a position that drifts, beside this noise [unit], its speed has: the longer it is recorded, the slower
+    is what moves it farthest. Lines that may be the noise's do not count: the highest would be the fastest.
     """
     count = min(len(t), SERIES.most_spectrum_rows)
     even = np.linspace(t[0], t[-1], count)
     signal = np.interp(even, t[good], y[good])
     line = np.polynomial.Polynomial.fit(even, signal, 1)
-    signal = (signal - line(even)) * np.hanning(count)
-    spectrum = np.abs(np.fft.rfft(signal))
-    if drifts:
-        spectrum *= np.arange(len(spectrum))
+    taper = np.hanning(count)
+    spectrum = np.abs(np.fft.rfft((signal - line(even)) * taper))
+    if drifts_beside is not None and math.isfinite(drifts_beside):
+        lines = spectrum > SERIES.line_above_noise * drifts_beside * math.sqrt(float(taper @ taper))
+        spectrum *= np.arange(len(spectrum)) * lines if lines[1:].any() else 1.0
     peak = 1 + int(np.argmax(spectrum[1:]))
     return peak / float(t[-1] - t[0])

@@ -335,6 +335,9 @@ class Series:
     """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
+    line_above_noise: float = 5.0
+    """[-] A line over the root mean square of the noise's spectrum, at least. Chosen: of white noise one line
+    in 10^11 is."""
     most_spectrum_rows: int = 1 << 18
     """[rows] Of the spectrum that shows the dominant period. Chosen: a power of two."""
     least_noise: float = 1e-9
