@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -11,28 +12,30 @@ from seod.archive.store import Store
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Iterator
 
 
-def dataset(store: Store) -> Any:
+@contextmanager
+def dataset(store: Store) -> Iterator[Any]:
     """All rows as a `pyarrow.dataset.Dataset`, partitioned by day.
 
     Raises:
-        ArchiveError: There is no catalogue yet.
+        ArchiveError: There is no catalogue yet, or the store does not answer.
     """
-    files = [store.path(each.name) for each in store.files(".parquet", FOLDER) if is_of_a_day(each.name)]
+    files = [each.name for each in store.files(".parquet", FOLDER) if is_of_a_day(each.name)]
     if not files:
         raise ArchiveError(f"{store.where}: has no catalogue yet: `seod archive {store.where}` builds it")
     ds = engine("pyarrow.dataset")
     pa = engine("pyarrow")
     days = ds.partitioning(pa.schema([("day", pa.date32())]), flavor="hive")
-    return ds.dataset(
-        files,
-        schema=schema(),
-        format="parquet",
-        filesystem=store.arrow(),
-        partitioning=days,
-        partition_base_dir=store.path(FOLDER),
-    )
+    with store.here(files) as folder:
+        yield ds.dataset(
+            [f"{folder}/{name}" for name in files],
+            schema=schema(),
+            format="parquet",
+            partitioning=days,
+            partition_base_dir=f"{folder}/{FOLDER}",
+        )
 
 
 def is_of_a_day(name: str) -> bool:
@@ -55,5 +58,6 @@ def rows(folder: str | os.PathLike[str], rig: str | None = None, since: datetime
     wanted = ds.scalar(True) if rig is None else ds.field("rig") == rig
     if since is not None:
         wanted &= ds.field("end") >= (since if since.tzinfo else since.replace(tzinfo=UTC))
-    table = dataset(Store(folder)).to_table(filter=wanted)
+    with dataset(Store(folder)) as segments:
+        table = segments.to_table(filter=wanted)
     return table.sort_by([(name, "ascending") for name in ("rig", "axis", "begin", "file", "part")])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +15,7 @@ from seod.archive.engines import engine
 from seod.archive.layout import FOLDER, schema
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from seod.archive.store import Known, Store
 
@@ -63,8 +62,8 @@ def catch_up(store: Store, step: Callable[[float], None] = lambda _part: None) -
 
 
 def files(store: Store) -> list[str]:
-    """Paths of the days' Parquet files, as the store's file system takes them."""
-    return [store.path(each.name) for each in store.files(".parquet", PARQUET)]
+    """Names of the days' Parquet files."""
+    return [each.name for each in store.files(".parquet", PARQUET)]
 
 
 def columns() -> dict[str, str]:
@@ -83,10 +82,10 @@ def _known(store: Store) -> dict[str, str]:
 def _parquet(store: Store, day: Known) -> bytes:
     """A day's lines as the bytes of a Parquet file, in their order; half a line at the end is left out."""
     duckdb, parquet = engine("duckdb"), engine("pyarrow.parquet")
-    with _local(store, day) as path, duckdb.connect(":memory:") as connection:
+    with store.here([day.name]) as folder, duckdb.connect(":memory:") as connection:
         connection.execute("SET TimeZone='UTC'")
         lines = connection.read_json(
-            str(path), columns=columns(), format="newline_delimited", ignore_errors=True
+            f"{folder}/{day.name}", columns=columns(), format="newline_delimited", ignore_errors=True
         )
         batches = lines.filter("rig IS NOT NULL").to_arrow_reader(ROWS)
         with tempfile.TemporaryFile() as out:
@@ -95,18 +94,6 @@ def _parquet(store: Store, day: Known) -> bytes:
                     writer.write_batch(batch)
             out.seek(0)
             return out.read()
-
-
-@contextmanager
-def _local(store: Store, day: Known) -> Iterator[Path]:
-    """The file's path on this machine; of an object store a copy."""
-    if store.is_local:
-        yield Path(store.path(day.name))
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / f"day{ENDING}"
-        copy.write_bytes(store.read(day.name))
-        yield copy
 
 
 def empty() -> Any:

@@ -24,7 +24,10 @@ def to_bytes(table: Any) -> bytes:
 
 
 def from_bytes(content: bytes, columns: Sequence[str] | None = None) -> Any:
-    """The table (`pyarrow.Table`); of all columns, or of some."""
-    return engine("pyarrow.parquet").read_table(
-        io.BytesIO(content), columns=None if columns is None else list(columns)
-    )
+    """The table (`pyarrow.Table`); of all columns, or of some.
+
+    Read by this thread alone: one of Arrow's that still holds a Python object when the interpreter ends
+    aborts the process (apache/arrow#34314).
+    """
+    file = engine("pyarrow.parquet").ParquetFile(engine("pyarrow").BufferReader(content), pre_buffer=False)
+    return file.read(columns=None if columns is None else list(columns), use_threads=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from seod.archive import live
@@ -13,7 +14,7 @@ from seod.archive.store import Store
 from seod.files.damage import said
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
 _CLOSED: Final = (
     "SET TimeZone='UTC'",
@@ -36,8 +37,7 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
         ArchiveError: There is no catalogue, or DuckDB refuses the question: its own words, with the place.
     """
     duckdb, pa = engine("duckdb"), engine("pyarrow")
-    views = _views(Store(where))
-    with duckdb.connect(":memory:") as connection:
+    with _views(Store(where), sql) as views, duckdb.connect(":memory:") as connection:
         for name, rows in views.items():
             connection.register(name, rows)
         for statement in _CLOSED:
@@ -51,18 +51,23 @@ def ask(where: str | os.PathLike[str], sql: str, parameters: Mapping[str, Any] |
             raise ArchiveError(f"{os.fspath(where)}: the catalogue cannot be read: {said(error)}") from error
 
 
-def _views(store: Store) -> dict[str, Any]:
+@contextmanager
+def _views(store: Store, sql: str) -> Iterator[dict[str, Any]]:
+    """Both views; what a fleet told is fetched only for a question that names it."""
     told = live.files(store)
-    try:
-        segments = dataset(store)
-    except ArchiveError:
-        if not told:
-            raise
-        segments = schema().empty_table()
     messages = live.empty()
-    if told:
-        messages = engine("pyarrow.dataset").dataset(told, schema=messages.schema, filesystem=store.arrow())
-    return {"segments": segments, "fleet": messages}
+    with ExitStack() as open_views:
+        try:
+            segments = open_views.enter_context(dataset(store))
+        except ArchiveError:
+            if not told:
+                raise
+            segments = schema().empty_table()
+        if told and "fleet" in sql.casefold():
+            folder = open_views.enter_context(store.here(told))
+            paths = [f"{folder}/{name}" for name in told]
+            messages = engine("pyarrow.dataset").dataset(paths, schema=messages.schema)
+        yield {"segments": segments, "fleet": messages}
 
 
 def _with_place(connection: Any, sql: str, parameters: Mapping[str, Any] | None) -> str:

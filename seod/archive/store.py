@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-from contextlib import suppress
+import tempfile
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -12,7 +13,7 @@ from seod.archive.engines import ArchiveError, engine
 from seod.files.user_files import named
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 UNFINISHED: Final = ".unfinished"
 """Ending of a file that is being written; what a killed builder left of that kind is taken away."""
@@ -142,10 +143,27 @@ class Store:
         """What a store's library raised, as a sentence."""
         return ArchiveError(f"{self.where}: {type(error).__name__}: {error}")
 
-    def arrow(self) -> Any:
-        """The file system as pyarrow takes it."""
-        fs = engine("pyarrow.fs")
-        return fs.LocalFileSystem() if self.is_local else fs.PyFileSystem(fs.FSSpecHandler(self.fs))
+    @contextmanager
+    def here(self, names: Sequence[str]) -> Iterator[str]:
+        """A folder of this machine in which files are by their names; of an object store copies, for a time.
+
+        Arrow's threads read them without any Python object: one that still holds one when the interpreter
+        ends aborts the process (apache/arrow#34314).
+
+        Raises:
+            ArchiveError: The store does not answer.
+        """
+        if self.is_local:
+            yield self.root
+            return
+        with tempfile.TemporaryDirectory() as folder:
+            if names:
+                copies = [f"{folder}/{name}" for name in names]
+                try:
+                    self.fs.get([self.path(name) for name in names], copies)
+                except Exception as error:
+                    raise self.failed(error) from error
+            yield folder
 
 
 def _sync_folder(folder: Path) -> None:

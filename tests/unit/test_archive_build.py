@@ -6,6 +6,9 @@ import contextlib
 import json
 import os
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import duckdb
 import pytest
@@ -247,6 +250,36 @@ def test_a_store_in_memory_gives_the_same_catalogue(folder):
     store.write("rig0/0.mcap", recording("rig0", rows=ticks("XX")))
     assert build("memory://archive").read == 1
     assert build(f"file://{folder}").read == 0
+
+
+READ_ALONE = """
+import sys
+from pathlib import Path
+from seod.archive.parquet import from_bytes
+import pyarrow.parquet
+threads = lambda: len(list(Path("/proc/self/task").iterdir()))
+content, before = Path(sys.argv[1]).read_bytes(), threads()
+assert from_bytes(content, ["file", "stamp"]).num_rows > 0
+print(threads() - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted where Linux lists them")
+def test_a_days_file_is_read_without_threads_that_could_outlive_python(folder):
+    build(folder)
+    words = [sys.executable, "-c", READ_ALONE, str(next(folder.rglob("segments.parquet")))]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
+
+
+def test_files_of_an_object_store_are_there_for_a_time():
+    store = Store("memory://for_a_time")
+    store.write("day=2026-03-01/a [1].bin", b"whole")
+    with store.here(["day=2026-03-01/a [1].bin"]) as here:
+        copy = Path(here, "day=2026-03-01/a [1].bin")
+        assert copy.read_bytes() == b"whole"
+    assert not copy.exists()
+    with pytest.raises(ArchiveError, match="memory://for_a_time"), store.here(["nowhere.bin"]):
+        pass
 
 
 def test_what_is_wrong_with_an_archive_is_told(tmp_path):

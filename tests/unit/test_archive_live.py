@@ -141,3 +141,13 @@ def test_one_listener_at_a_time_has_an_archive(archive):
     first.close()
     DayFiles(archive).close()
     assert json.loads((archive / "fleet/cursor.json").read_text())["rigs"] == {"press": [7, 3]}
+
+
+def test_a_fleet_in_an_object_store_is_asked_like_one_in_a_folder(archive):
+    store = Store("memory://fleet")
+    for path in archive.rglob("*.jsonl"):
+        store.write(str(path.relative_to(archive)), path.read_bytes())
+    assert build("memory://fleet").days == build(archive).days == 2
+    sql = "SELECT * FROM Fleet ORDER BY seq"
+    assert ask("memory://fleet", sql).equals(ask(archive, sql))
+    assert ask("memory://fleet", "SELECT count(*) AS n FROM segments").to_pylist() == [{"n": 0}]
