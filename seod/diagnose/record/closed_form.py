@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.tuning.record import CLOSED_FORM
+from seod.diagnose.tuning.record import BLOCKS, CLOSED_FORM
 from seod.identify.fit import fit
 from seod.identify.problem import Given
 from seod.identify.record import IdentifyError, Record, UntoldError
@@ -47,14 +47,12 @@ class ClosedForm(NamedTuple):
 
 
 def closed_form(recordings: Sequence[Recording], output: Output, given: UserValues) -> ClosedForm:
-    """Eq. 1 with an offset, and a delay where none is known, fitted to whole recordings."""
+    """Eq. 1 with an offset, and a delay where none is known, fitted to recordings.
+
+    Of a long one to where its command moves most, as many rows as are searched for causes.
+    """
     try:
-        records = [
-            Record(each.paths[0], each.t, each.u, each.y, each.t_u, output, hold=given.hold).thinned(
-                CLOSED_FORM.samples
-            )
-            for each in recordings
-        ]
+        records = [_record(each, output, given.hold) for each in recordings]
         with np.errstate(all="ignore"):
             found = fit(records, Given(given.gain, given.delay))
     except (UntoldError, IdentifyError, np.linalg.LinAlgError, ArithmeticError, ValueError):
@@ -64,6 +62,26 @@ def closed_form(recordings: Sequence[Recording], output: Output, given: UserValu
         if math.isfinite(found.nrmse)
         else ClosedForm({}, math.inf)
     )
+
+
+def _record(recording: Recording, output: Output, hold: Hold) -> Record:
+    rows = _liveliest(recording)
+    t, u, y = recording.t[rows], recording.u[rows], recording.y[rows]
+    t_u = None if recording.t_u is None else recording.t_u[rows]
+    return Record(recording.paths[0], t, u, y, t_u, output, hold=hold).thinned(CLOSED_FORM.samples)
+
+
+def _liveliest(recording: Recording) -> slice:
+    most = BLOCKS.searched_rows
+    u = np.where(np.isfinite(recording.y), recording.u, np.nan)
+
+    def moves(first: int) -> float:
+        own = u[first : first + most]
+        own = own[np.isfinite(own)]
+        return float(np.std(own)) if len(own) else 0.0
+
+    first = max(range(0, max(1, len(u) - most + 1), most), key=moves)
+    return slice(first, first + most)
 
 
 def output_type(left: Mapping[Output, float], usual: Output) -> tuple[Output, str]:

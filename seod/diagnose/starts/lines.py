@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from seod.diagnose.causes.table import wave_of
 from seod.diagnose.tuning.starts import LINES
@@ -57,7 +58,7 @@ def _over(position: Array, residual: Array, shows: Array, lowest: int) -> list[f
 
 def _peaks(signal: Array, step: float, lowest: int) -> list[float]:
     """The largest lines, apart from each other by more than their width [rad per unit of `step`]."""
-    size = LINES.finer * len(signal)
+    size = next_fast_len(LINES.finer * len(signal), real=True)
     power = np.abs(np.fft.rfft(signal, size)) ** 2
     power[:lowest] = 0.0
     found: list[float] = []
