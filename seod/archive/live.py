@@ -47,6 +47,7 @@ def catch_up(store: Store, step: Callable[[float], None] = lambda _part: None) -
 
     Raises:
         OSError: A file cannot be read or written.
+        ArchiveError: The store does not answer.
     """
     days = store.files(ENDING, LINES)
     if not days:

@@ -38,6 +38,11 @@ def test_a_long_recording_is_asked_where_its_command_moves_most(searched):
     assert found.nrmse < 0.01
 
 
+def test_the_end_of_a_recording_is_looked_at_too(searched):
+    u = np.concatenate([np.zeros(ROWS), multisine(ROWS // 2)])
+    near(closed_form([recording(u, linear(u))], "position", UserValues()))
+
+
 def test_rows_without_a_reading_do_not_count_as_movement(searched):
     u = np.concatenate([10.0 * multisine(ROWS), multisine(ROWS)])
     one = recording(u, linear(u))

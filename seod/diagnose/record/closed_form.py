@@ -72,6 +72,7 @@ def _record(recording: Recording, output: Output, hold: Hold) -> Record:
 
 
 def _liveliest(recording: Recording) -> slice:
+    """Rows of the segment in which the command moves most while y is read; the last one ends as they do."""
     most = BLOCKS.searched_rows
     u = np.where(np.isfinite(recording.y), recording.u, np.nan)
 
@@ -80,7 +81,8 @@ def _liveliest(recording: Recording) -> slice:
         own = own[np.isfinite(own)]
         return float(np.std(own)) if len(own) else 0.0
 
-    first = max(range(0, max(1, len(u) - most + 1), most), key=moves)
+    last = max(0, len(u) - most)
+    first = max([*range(0, last, most), last], key=moves)
     return slice(first, first + most)
 
 
