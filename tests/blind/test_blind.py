@@ -139,6 +139,15 @@ def test_what_comes_from_outside_is_told_not_to_repeat(tmp_path, excitation):
     assert told["account"]["systematic"] == 0.0
 
 
+def test_a_loop_that_answers_to_gusts_makes_no_spring_of_them(tmp_path):
+    """Their noise remembers for more than a period below the sensor's own."""
+    case = draw(99634, duration=12.0)
+    assert (case.causes, case.excitation) == (("gusts",), "two-phase")
+    told = told_of(case, tmp_path, effort="quick")
+    assert (told["verdict"], told["effects"]) == ("clean", []), told
+    assert told["extended"]["K_L"] == pytest.approx(case.rig.K_L, rel=0.08)
+
+
 def effect(name, *others, value=1.0, ci95=(0.5, 1.5), of="level"):
     numbers = {of: {"value": value, "unit": "", "ci95": list(ci95)}}
     return {"name": name, "parameters": numbers, "indistinguishable_from": list(others)}

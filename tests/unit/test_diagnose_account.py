@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from diagnose_truth import RATE, linear, recording
-from scipy.signal import lfilter
+from scipy.signal import freqz, lfilter
 
 from seod.diagnose.account.black_box import _free, foretold
 from seod.diagnose.account.grade import graded
@@ -235,6 +235,34 @@ def test_the_colour_of_noise_is_found(memory, order):
     assert found.order == order
     assert found.sd == pytest.approx(0.2, rel=0.25)
     assert found.correlation == pytest.approx((1.0 + memory) / (1.0 - memory), rel=0.3)
+
+
+def pieces_of(noise, count):
+    """Noise as what is left of so many windows."""
+    pieces = np.split(noise[: len(noise) // count * count], count)
+    return [WindowResidual(0, each, each, each, each < np.inf, each, each, each, False) for each in pieces]
+
+
+@pytest.mark.parametrize("of_sensor", [0.0, 0.2, 2.0])
+def test_of_a_load_s_noise_below_a_sensor_s_all_is_foretold_that_can_be(of_sensor):
+    """What no past foretells has the mean log spectrum's power (Kolmogorov)."""
+    poles = np.array([0.999, 0.97 * np.exp(0.12j), 0.97 * np.exp(-0.12j)])
+    a, random = np.real(np.poly(poles)), np.random.default_rng(5)
+    load = lfilter([1e-3], a, random.normal(size=3 * N))
+    noise = load + of_sensor * random.normal(size=3 * N)
+    parts = pieces_of(noise, 4)
+    omega = np.linspace(1e-5, np.pi, 200_001)
+    power = np.abs(freqz([1e-3], a, omega)[1]) ** 2 + of_sensor**2
+    least = np.exp(0.5 * np.mean(np.log(power)))
+    found = colour(parts)
+    white = np.concatenate([found.whitened(one.error)[found.order :] for one in parts])
+    assert np.std(white) == pytest.approx(least, rel=0.01)
+    assert found.order < 8 if of_sensor == 0.0 else found.order > 8
+
+
+def test_short_windows_keep_their_rows_for_short_memories():
+    noise = np.concatenate([coloured(0.95, 0.2, seed) for seed in range(4)])
+    assert colour(pieces_of(noise, len(noise) // 40)).memory[0] == pytest.approx(0.95, abs=0.08)
 
 
 def scored_again(parts, scored):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import lfilter
 
 from seod.diagnose.record.memory import has_past, unforeseen
@@ -70,28 +71,39 @@ WHITE: Final = NoiseColour((), 1.0, 1.0)
 def colour(parts: Sequence[Residual]) -> NoiseColour:
     """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse.
 
+    Noise of a load below a sensor's own is an autoregression of many rows: the sensor's hides in each what
+    the load has moved. Noise of a sensor alone is one of few, so that many are not always tried.
     Rows are foretold by their neighbours only, not across rows that do not count. Where so few neighbours are
     left that nothing can be foretold it is white.
     """
     windows = [_segments(one) for one in parts]
     runs = [run for window in windows for run in window]
-    sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(len(run) for run in runs))
+    sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(map(len, runs)))
+    memory = np.empty(0)
+    for longest in NOISE_COLOUR.longest if sd > 0.0 else ():
+        if len(memory) and longest * len(runs) > NOISE_COLOUR.given_up * sum(map(len, runs)):
+            break
+        memory = _memory(windows, longest)
+        if 2 * len(memory) <= longest:
+            break
+    return NoiseColour(tuple(memory.tolist()), sd, _correlation(memory))
+
+
+def _memory(windows: Sequence[Sequence[Array]], longest: int) -> Array:
+    """Coefficients, no more than `longest`."""
     halves = (windows[::2], windows[1::2]) if len(windows) > 1 else _halved(windows[0])
-    most = min(
-        NOISE_COLOUR.longest,
-        min(sum(map(_count, half)) for half in halves) // NOISE_COLOUR.rows_each - 1,
-    )
-    both = [[run for window in half for run in window] for half in halves]
-    if not sd > 0.0 or most < 1 or not all(map(_long, both)):
-        return NoiseColour((), sd, 1.0)
+    fewest = min(sum(_count(window, longest) for window in half) for half in halves)
+    most = min(longest, fewest // NOISE_COLOUR.rows_each - 1)
+    both = [[run for window in half for run in window if len(run) > longest] for half in halves]
+    if most < 1 or not all(both):
+        return np.empty(0)
+    first, second = (_Triangle.of(half, longest) for half in both)
     best, least = 0, math.inf
-    for order in range(most + 1):
-        cost = sum(
-            _minus_log_likelihood(_regressed(one, order), other, order) for one, other in (both, both[::-1])
-        )
+    for order in (each for each in NOISE_COLOUR.orders if each <= most):
+        cost = sum(other.cost(one.memory(order)) for one, other in ((first, second), (second, first)))
         if cost < least - NOISE_COLOUR.enough:
             best, least = order, cost
-    return NoiseColour(tuple(_regressed(runs, best).tolist()), sd, _correlation(_regressed(runs, best)))
+    return first.with_rows_of(second).memory(best)
 
 
 def _segments(one: Residual) -> list[Array]:
@@ -105,10 +117,10 @@ def _segments(one: Residual) -> list[Array]:
     return np.split(left, np.flatnonzero(holes) + 1)
 
 
-def _count(window: Sequence[Array]) -> int:
+def _count(window: Sequence[Array], longest: int) -> int:
     """Rows of a window, less those that holes leave without all of their past."""
-    *others, longest = sorted(map(len, window))
-    return longest + sum(max(0, each - NOISE_COLOUR.longest) for each in others)
+    *others, most = sorted(map(len, window))
+    return most + sum(max(0, each - longest) for each in others)
 
 
 def _halved(window: Sequence[Array]) -> tuple[list[list[Array]], list[list[Array]]]:
@@ -119,28 +131,43 @@ def _halved(window: Sequence[Array]) -> tuple[list[list[Array]], list[list[Array
     return [[first for first, _ in pairs]], [[second for _, second in pairs]]
 
 
-def _long(runs: Sequence[Array]) -> list[Array]:
-    """Those in which a row has all of its past."""
-    return [run for run in runs if len(run) > NOISE_COLOUR.longest]
+@dataclass(frozen=True, slots=True)
+class _Triangle:
+    """Rows, each after its past, as the triangle of their QR factors: fits of all orders are in it.
 
+    Attributes:
+        factor: Columns are samples so many rows before, nearest first, and last the sample that follows.
+        rows: How many.
+    """
 
-def _rows(runs: Sequence[Array], order: int) -> tuple[Array, Array]:
-    """Earlier samples, shape (n, order), and the sample that follows."""
-    long = _long(runs)
-    past = [[run[NOISE_COLOUR.longest - k : len(run) - k] for k in range(1, order + 1)] for run in long]
-    now = np.concatenate([run[NOISE_COLOUR.longest :] for run in long])
-    return np.concatenate([np.array(each).T for each in past]) if order else np.empty((len(now), 0)), now
+    factor: Array
+    rows: int
 
+    @classmethod
+    def of(cls, runs: Sequence[Array], longest: int) -> _Triangle:
+        factor, rows = np.empty((0, longest + 1)), 0
+        for run in runs:
+            every = np.roll(sliding_window_view(run, longest + 1)[:, ::-1], -1, axis=1)
+            rows += len(every)
+            for first in range(0, len(every), NOISE_COLOUR.at_once):
+                block = every[first : first + NOISE_COLOUR.at_once]
+                factor = np.linalg.qr(np.vstack([factor, block]), mode="r")
+        return cls(factor, rows)
 
-def _regressed(runs: Sequence[Array], order: int) -> Array:
-    past, now = _rows(runs, order)
-    return np.asarray(np.linalg.lstsq(past, now)[0]) if order else np.empty(0)
+    def with_rows_of(self, other: _Triangle) -> _Triangle:
+        """Of the rows of both."""
+        both = np.vstack([self.factor, other.factor])
+        return _Triangle(np.linalg.qr(both, mode="r"), self.rows + other.rows)
 
+    def memory(self, order: int) -> Array:
+        """Coefficients of least squares, newest first; shape (order,)."""
+        past, now = self.factor[:, :order], self.factor[:, -1]
+        return np.asarray(np.linalg.lstsq(past, now)[0]) if order else np.empty(0)
 
-def _minus_log_likelihood(memory: Array, runs: Sequence[Array], order: int) -> float:
-    """Negative log likelihood of samples with the variance that is their own, but for a constant."""
-    past, now = _rows(runs, order)
-    return 0.5 * len(now) * math.log(max(float(np.mean((now - past @ memory) ** 2)), 1e-300))
+    def cost(self, memory: Array) -> float:
+        """Negative log likelihood of the samples with the variance that is their own, but for a constant."""
+        error = self.factor[:, -1] - self.factor[:, : len(memory)] @ memory
+        return 0.5 * self.rows * math.log(max(float(error @ error) / self.rows, 1e-300))
 
 
 def _correlation(memory: Array) -> float:

@@ -81,8 +81,16 @@ HELD_OUT: Final = HeldOut()
 class NoiseColour:
     """A residual's memory."""
 
-    longest: int = 8
-    """[rows] Order, at most. Chosen."""
+    orders: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+    """[rows] That are tried. Chosen."""
+    longest: tuple[int, ...] = (8, 32, 128)
+    """[rows] Order, at most: the next one where noise takes more than half of the one before. Measured: a
+    load's noise below a sensor's own remembers for a period and more. With 8, four of five recordings under
+    gusts were given a spring or a line; with 64, one; with 128, none."""
+    given_up: float = 0.1
+    """[-] Part of rows that a memory of more than the first `longest` may leave without a past. Chosen."""
+    at_once: int = 16384
+    """[rows] Of which the QR factors are taken. Chosen: some MB."""
     enough: float = 2.0
     """[-] Log likelihood by which a longer memory has to be better. Chosen."""
     decays: float = 20.0
