@@ -151,13 +151,13 @@ class _Triangle:
             rows += len(every)
             for first in range(0, len(every), NOISE_COLOUR.at_once):
                 block = every[first : first + NOISE_COLOUR.at_once]
-                factor = np.linalg.qr(np.vstack([factor, block]), mode="r")
+                factor = _triangular(np.vstack([factor, block]))
         return cls(factor, rows)
 
     def with_rows_of(self, other: _Triangle) -> _Triangle:
         """Of the rows of both."""
         both = np.vstack([self.factor, other.factor])
-        return _Triangle(np.linalg.qr(both, mode="r"), self.rows + other.rows)
+        return _Triangle(_triangular(both), self.rows + other.rows)
 
     def memory(self, order: int) -> Array:
         """Coefficients of least squares, newest first; shape (order,)."""
@@ -168,6 +168,10 @@ class _Triangle:
         """Negative log likelihood of the samples with the variance that is their own, but for a constant."""
         error = self.factor[:, -1] - self.factor[:, : len(memory)] @ memory
         return 0.5 * self.rows * math.log(max(float(error @ error) / self.rows, 1e-300))
+
+
+def _triangular(rows: Array) -> Array:
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def _correlation(memory: Array) -> float:
