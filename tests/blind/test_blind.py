@@ -148,6 +148,13 @@ def test_a_loop_that_answers_to_gusts_makes_no_spring_of_them(tmp_path):
     assert told["extended"]["K_L"] == pytest.approx(case.rig.K_L, rel=0.08)
 
 
+def test_a_line_is_no_noise_that_remembers(tmp_path):
+    """A long memory foretells a wave."""
+    case = draw(99721, duration=12.0)
+    assert case.causes == ("periodic_disturbance",)
+    assert outcome(case.kind, case.causes, told_of(case, tmp_path)) == "exact"
+
+
 def effect(name, *others, value=1.0, ci95=(0.5, 1.5), of="level"):
     numbers = {of: {"value": value, "unit": "", "ci95": list(ci95)}}
     return {"name": name, "parameters": numbers, "indistinguishable_from": list(others)}

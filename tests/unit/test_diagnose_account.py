@@ -257,6 +257,8 @@ def test_of_a_load_s_noise_below_a_sensor_s_all_is_foretold_that_can_be(of_senso
     found = colour(parts)
     white = np.concatenate([found.whitened(one.error)[found.order :] for one in parts])
     assert np.std(white) == pytest.approx(least, rel=0.01)
+    drawn = np.std(white) * found.drawn(3 * N, 8, np.random.default_rng(6))
+    assert np.std(np.diff(drawn, axis=0)) == pytest.approx(np.std(np.diff(noise)), rel=0.05)
     assert found.order < 8 if of_sensor == 0.0 else found.order > 8
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from seod.diagnose.account.loop import answers
 from seod.diagnose.account.residual import window_residuals
+from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
@@ -85,10 +86,15 @@ class Predictions:
         return None
 
     def without(self, name: str, found: Fitted) -> Fitted:
-        """A set without an effect, likewise: without any from the baseline, too."""
+        """A set without an effect, likewise: without any from the baseline, too.
+
+        Without a wave the noise is the whole set's: noise of a long memory would foretell the wave.
+        """
         model = found.model.without(name)
         begins = [found] if model.names else [found, self.base]
-        each = [self.with_own_noise(self.fitted(model, one, found.cut)) for one in begins]
+        each = [self.fitted(model, one, found.cut) for one in begins]
+        if CAUSES[name].wave is None:
+            each = [self.with_own_noise(one) for one in each]
         return min(each, key=lambda one: one.cost)
 
     def with_own_noise(self, found: Fitted) -> Fitted:

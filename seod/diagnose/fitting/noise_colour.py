@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import lfilter
+from scipy.signal import lfilter, sosfilt, zpk2sos
 
 from seod.diagnose.record.memory import has_past, unforeseen
 from seod.diagnose.tuning.fitting import NOISE_COLOUR
@@ -55,10 +55,15 @@ class NoiseColour:
         return unforeseen(x, self.memory)
 
     def drawn(self, n: int, count: int, random: np.random.Generator) -> Array:
-        """Such noises; shape (n, count)."""
+        """Such noises; shape (n, count). None grows: roots outside of the unit circle are taken onto it.
+
+        By second-order sections: a polynomial of many roots is not what its roots were.
+        """
         roots = np.roots(np.r_[1.0, -np.array(self.memory)])
-        poles = np.real(np.poly(roots / np.maximum(np.abs(roots), 1.0)))  # none that grows
-        return np.asarray(lfilter([1.0], poles, random.normal(size=(2 * n, count)), axis=0)[n:])
+        steady = roots / np.maximum(np.abs(roots), 1.0)
+        white = random.normal(size=(2 * n, count))
+        sections = zpk2sos(np.zeros(len(steady)), steady, 1.0)
+        return np.asarray(sosfilt(sections, white, axis=0)[n:] if len(steady) else white[n:])
 
     def has_past(self, scored: Mask) -> Mask:
         """Rows that count, and all those before each by which it is foretold; shape (n,)."""
@@ -68,23 +73,27 @@ class NoiseColour:
 WHITE: Final = NoiseColour((), 1.0, 1.0)
 
 
-def colour(parts: Sequence[Residual]) -> NoiseColour:
+def colour(parts: Sequence[Residual], longest: Sequence[int] = NOISE_COLOUR.longest) -> NoiseColour:
     """Of what is left of windows; each second one is foretold by a fit of the others, and the reverse.
 
     Noise of a load below a sensor's own is an autoregression of many rows: the sensor's hides in each what
     the load has moved. Noise of a sensor alone is one of few, so that many are not always tried.
     Rows are foretold by their neighbours only, not across rows that do not count. Where so few neighbours are
     left that nothing can be foretold it is white.
+
+    Args:
+        parts: What is left.
+        longest: Orders up to which it is looked for, one after the other.
     """
     windows = [_segments(one) for one in parts]
     runs = [run for window in windows for run in window]
     sd = math.sqrt(sum(float(run @ run) for run in runs) / sum(map(len, runs)))
     memory = np.empty(0)
-    for longest in NOISE_COLOUR.longest if sd > 0.0 else ():
-        if len(memory) and longest * len(runs) > NOISE_COLOUR.given_up * sum(map(len, runs)):
+    for most in longest if sd > 0.0 else ():
+        if len(memory) and most * len(runs) > NOISE_COLOUR.given_up * sum(map(len, runs)):
             break
-        memory = _memory(windows, longest)
-        if 2 * len(memory) <= longest:
+        memory = _memory(windows, most)
+        if 2 * len(memory) <= most:
             break
     return NoiseColour(tuple(memory.tolist()), sd, _correlation(memory))
 

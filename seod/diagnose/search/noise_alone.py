@@ -20,12 +20,13 @@ from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
-from seod.diagnose.tuning.fitting import FIT
+from seod.diagnose.tuning.fitting import FIT, NOISE_COLOUR
 from seod.diagnose.tuning.search import NOISE_ALONE
 from seod.diagnose.tuning.starts import LINES
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
     from seod.diagnose.search.screen import Screen
 
@@ -57,15 +58,28 @@ def nothing_promised(found: Fitted, screen: Screen) -> bool:
     if np.count_nonzero(error) <= NOISE_ALONE.telling * np.count_nonzero(cut.good):
         return False
     left = [_Left(error[rows], cut.good[rows]) for rows in cut.slices if cut.good[rows].any()]
-    remembering = cut.remembering(colour(left).memory)
+    long, short = (
+        replace(found, cut=_remembering(cut, colour(left, longest).memory))
+        for longest in (NOISE_COLOUR.longest, NOISE_COLOUR.longest[:1])
+    )
+    return not _promised(long, short, screen)
+
+
+def _remembering(cut: Cut, memory: tuple[float, ...]) -> Cut:
+    """The windows with noise of this memory, unless too few rows have all of their past."""
+    remembering = cut.remembering(memory)
     if np.count_nonzero(remembering.good) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
-        remembering = cut
-    return not _promised(replace(found, cut=remembering), screen)
+        return cut
+    return remembering
 
 
-def _promised(found: Fitted, screen: Screen) -> bool:
-    """Whether an effect more promises to save more than chance would of one of so many."""
-    ahead, rows = ParentResidual(found), np.count_nonzero(found.cut.good)
+def _promised(found: Fitted, short: Fitted, screen: Screen) -> bool:
+    """Whether an effect more promises to save more than chance would of one of so many.
+
+    `short` is the set with noise of a short memory: a long one would foretell a wave.
+    """
+    ahead = {False: ParentResidual(found), True: ParentResidual(short)}
+    rows = {wave: np.count_nonzero(one.cut.good) for wave, one in ((False, found), (True, short))}
     trials = [
         (name, start)
         for name in further_causes(found.model.scales, found.model.names)
@@ -73,6 +87,10 @@ def _promised(found: Fitted, screen: Screen) -> bool:
         if not remote(start)
     ]
     of_one = float(chi2.isf(NOISE_ALONE.chance / max(len(trials), 1), 1))
-    of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows), 2))  # the largest of so many lines
-    promises = screen.parallel(lambda trial: (trial[0], ahead.promise(*trial)), trials)
-    return any(rows * one.saves > (of_wave if CAUSES[name].wave else of_one) for name, one in promises)
+    of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows[True]), 2))  # the largest of so many
+    promises = screen.parallel(lambda one: (_waves(one[0]), ahead[_waves(one[0])].promise(*one)), trials)
+    return any(rows[wave] * one.saves > (of_wave if wave else of_one) for wave, one in promises)
+
+
+def _waves(name: str) -> bool:
+    return CAUSES[name].wave is not None
