@@ -32,6 +32,20 @@ ROLES: Final = {
 TIMES: Final = {"u": "t_u", "ps": "t_ps", "temperature": "t_temperature", "f": "t_f"}
 """What comes at times of its own where its group is not that of `y`, and what these times are called."""
 
+NAMED: Final = {
+    "t": ("time",),
+    "u": ("voltage", "current"),
+    "y": ("angle", "length", "angular speed", "speed"),
+    "t_u": ("time",),
+    "ps": ("pressure",),
+    "temperature": ("temperature",),
+    "f": ("force", "pressure"),
+}
+"""Dimensions of units that a name may end with, `y_mm`. Not all of a role's: `u_min` is no time."""
+
+_NO_INCH: Final = "in"
+"""At the end of a name a direction: `y_in`."""
+
 _UNIT_IN_NAME: Final = re.compile(
     r"(?:.*[_ .-])?(?:(?P<ms>ms|msecs?|millis|milliseconds?)|(?P<us>us|µs|μs|usecs?|micros|microseconds?)"
     r"|(?P<ns>ns|nsecs?|nanos|nanoseconds?)|(?P<s>secs?|seconds?))|.*[_ .-](?P<of_s>s)",
@@ -106,7 +120,7 @@ def resolve(
     prefix = _axis_prefix(source, columns, axis, of_rig)
     found: dict[str, tuple[Group, Column]] = {}
     for role in ("y", "u", "t_u", "ps", "temperature", "f"):
-        each = _look_up(source, columns.get(role, prefix + role), role in columns)
+        each = _look_up(source, columns.get(role) or _called(source, prefix, role), role in columns)
         if each is not None:
             found[role] = each
     for role in ("y", "u"):
@@ -169,6 +183,27 @@ def _look_up(source: Source, name: str, must: bool) -> tuple[Group, Column] | No
     return hits[0] if hits else None
 
 
+def _called(source: Source, prefix: str, role: str, only: Group | None = None) -> str:
+    """`y`, or where no column is called so the one that tells its unit as well: `y_mm`."""
+    own = prefix + role
+    groups = [group for group in source.groups if group.main] if only is None else [only]
+    names = [column.name for group in groups for column in group.columns]
+    if own in names:
+        return own
+    longer = sorted({name for name in names if name.startswith(prefix) and unit_of_role(role, name)})
+    if len(longer) > 1:
+        choose = f"`--columns {role}={longer[0]}`"
+        raise ReadError(f"{source.path}: {', '.join(longer)} may each be {role}: choose one, {choose}")
+    return longer[0] if longer else own
+
+
+def unit_of_role(role: str, name: str) -> str:
+    """The unit in the name of a role's column, `mm` of `y_mm`; "" of others."""
+    before, _, unit = name.rpartition(".")[-1].partition(f"{role}_")
+    known = KNOWN.get(spelled(unit)) if unit != _NO_INCH else None
+    return spelled(unit) if not before and known is not None and known[0] in NAMED[role] else ""
+
+
 def _time(source: Source, name: str | None, prefix: str, group: Group) -> tuple[Group, Column]:
     """Time of the group: what was asked for, else its `t`, else what the format says."""
     if name is not None:
@@ -181,7 +216,7 @@ def _time(source: Source, name: str | None, prefix: str, group: Group) -> tuple[
             if other
             else _missing(source, name, "t")
         )
-    column = group.column(f"{prefix}t") or group.column(group.time or "")
+    column = group.column(_called(source, prefix, "t", group)) or group.column(group.time or "")
     if column is None:
         raise ReadError(_missing(source, f"{prefix}t", "t"))
     return group, column
@@ -201,13 +236,14 @@ def unit_in_name(name: str) -> str:
 
 
 def _unit(source: Source, role: str, column: Column, units: Mapping[str, str]) -> str | None:
-    """The unit that was given; else, of times to which the file gives none, that in their name, remarked."""
-    unit = unit_in_name(column.name)
-    if role not in ("t", "t_u") or role in units or column.unit or not unit:
+    """The unit that was given; else, where the file gives none, that in the column's name, remarked."""
+    if role in units or column.unit:
         return units.get(role)
-    if unit == "s":
-        return unit
-    message = f"column {column.name!r} is taken as {unit} by its name; `--units {role}=s` if it is not"
+    unit = unit_of_role(role, column.name) or (unit_in_name(column.name) if role in ("t", "t_u") else "")
+    if not unit or unit == ROLES[role][0]:
+        return unit or None
+    usual = to_base(unit)[2]
+    message = f"column {column.name!r} is taken as {unit} by its name; `--units {role}={usual}` if it is not"
     source.remarks.append(Remark("unit", message))
     return unit
 

@@ -369,6 +369,37 @@ def test_a_name_tells_a_unit_behind_a_separator_alone(data):
     assert unit_in_name(f"{word}{mark}{before}x") == ""
 
 
+@pytest.mark.parametrize(
+    ("header", "factor", "said"),
+    [
+        ("t_s,u_V,y_mm", 1e-3, ["'y_mm' is taken as mm by its name; `--units y=m`"]),
+        ("t_ms,u,y_deg", np.pi / 180.0, ["'t_ms' is taken as ms", "'y_deg' is taken as deg"]),
+        ("t,u_volts,y", 1.0, []),
+        ("t,u,y_rad", 1.0, ["'y_rad' is taken as rad"]),
+        ("t,u,y_mm [m]", 1.0, []),
+        ("t,u,y,y_mm", 1.0, []),
+    ],
+)
+def test_a_column_may_be_called_by_its_role_and_unit(tmp_path, header, factor, said):
+    rows = "".join(f"{k},1,{k * k}{',5' * (header.count(',') - 2)}\n" for k in range(4))
+    found = read(write(tmp_path, f"{header}\n{rows}"))
+    assert found.y == pytest.approx(factor * np.arange(4.0) ** 2)
+    remarks = [each.message for each in found.problems if each.kind == "unit"]
+    assert len(remarks) == len(said)
+    assert all(part in remark for part, remark in zip(sorted(said), sorted(remarks), strict=True))
+
+
+@pytest.mark.parametrize("name", ["y_max", "y_in", "y_min", "y_", "y_s", "ymm", "ref_y_mm"])
+def test_other_ends_of_a_name_are_no_units(tmp_path, name):
+    with pytest.raises(ReadError, match="no column 'y'"):
+        read(write(tmp_path, f"t,u,{name}\n0,1,2\n1,1,3\n"))
+
+
+def test_of_two_units_none_is_chosen(tmp_path):
+    with pytest.raises(ReadError, match="y_deg, y_mm may each be y: choose one, `--columns y=y_deg`"):
+        read(write(tmp_path, "t,u,y_mm,y_deg\n0,1,2,3\n1,1,3,4\n"))
+
+
 @pytest.mark.parametrize("name", ["t", "s", "time", "t_", "items", "status", "t_u", "ms2", "times", "_"])
 def test_other_names_tell_none(name):
     assert unit_in_name(name) == ""
