@@ -119,6 +119,23 @@ def test_what_is_missing_is_systematic(driven, memory):
 
 
 @pytest.mark.slow
+def test_a_drift_that_does_not_repeat_hides_no_force():
+    """What random forces moved stays moved: in a window twice as far as a drag does."""
+    u = multisine()
+    states = moved(u)
+    drag = moved(u, drag=0.2)[2] - states[2]
+    drag = np.concatenate([each - each.mean() for each in np.split(drag, 8)])
+    random = np.random.default_rng(8)
+    drift = np.cumsum(lfilter([1.0], [1.0, -0.98], random.normal(size=(8, N // 8)), axis=1), axis=1)
+    drift = np.concatenate([each - each.mean() for each in drift])
+    noise = 2.0 * np.std(drag) / np.std(drift) * drift + 0.1 * np.std(drag) * random.normal(size=N)
+    assert not foretold(parts_of(u, noise, states), PLANT).share.significant
+    share = foretold(parts_of(u, noise + drag, states), PLANT).share
+    assert share.significant
+    assert 0.5 * np.var(drag) < share.square < 2.0 * np.var(drag)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
     """Noise alone tells how small a drag is found beside it; beside coloured noise a small one is not."""

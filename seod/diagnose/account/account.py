@@ -63,7 +63,7 @@ def accounted(
         seen: Its simulation of the windows that were fitted.
         held: Of those held out.
         base: The baseline's of the same.
-        predicted: The model was fitted by prediction errors: what is systematic has to show in these alone.
+        predicted: The model was fitted by prediction errors: ARX and NARX have to come nearer in these alone.
     """
     parts, own = window_residuals(seen, held_out=False), window_residuals(held, held_out=True)
     if (
@@ -73,7 +73,7 @@ def accounted(
     ):
         return None, None
     plant = Plant.of(found.model, found.x)
-    shown = systematic([*parts, *own], held.cut.series, plant, predicted=predicted)
+    shown = systematic([*parts, *own], held.cut.series, plant)
     other = yardstick(seen.cut, held.cut)
     if other is not None:
         in_loop = _in_loop(held.cut.series, [*parts, *own], shown.noise)
@@ -105,12 +105,10 @@ def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual], noise: No
     return any(one.relayed for one in every) or answers([one.u for one in parts], known)
 
 
-def systematic(
-    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, predicted: bool = False
-) -> Shown:
+def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)
-    again, box = repeats(every, parts), foretold(parts, plant, swept=swept, predicted=predicted)
+    again, box = repeats(every, parts), foretold(parts, plant, swept=swept)
     tells = box is not None and (not swept or math.isfinite(box.detectable))
     asked = again is not None or tells
     total = mean_square([one for one in parts if one.held_out])

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 from scipy.stats import t as student
 
-from seod.diagnose.account.residual import compared, fewer_shown, mean_square
+from seod.diagnose.account.residual import compared, mean_square
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
@@ -49,25 +49,24 @@ class Fold(NamedTuple):
     rows: Rows
 
 
-def foretold(
-    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, predicted: bool = False
-) -> Foretold | None:
+def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
+
+    It is a share of errors half a period of the plant ahead: less what noise makes of those before. What a
+    wrong force moves in that time stands out of the sensor's noise, and what had been moved before, which in
+    a position drifts on without an end, does not hide it.
 
     Whether it is more than chance is asked of all windows: this fit has seen none of those that it foretells.
     What chance shows is known by noises of the same colour, foretold likewise. The same is asked of the
     residual with a known part added to it, of several shapes, sizes and signs.
-    It has to show in errors as they are, and in what noise does not foretell of them; of a model that was
-    fitted to these (`predicted`) in these alone. For noise all that is left is taken, then the rest of it:
-    the one by which more shows counts.
+    For noise all that is left is taken, then the rest of it: the one by which more shows counts.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
-    how = {"swept": swept, "predicted": predicted}
-    first = _foretold(parts, plant, _usable(colour(parts), parts), **how)
+    first = _foretold(parts, plant, _usable(colour(parts), parts), swept=swept)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    second = _foretold(parts, plant, _usable(colour(first.rest), parts), **how)
+    second = _foretold(parts, plant, _usable(colour(first.rest), parts), swept=swept)
     return max(first, second, key=lambda one: one.share.score - one.share.limit)
 
 
@@ -76,32 +75,51 @@ def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
     return noise if all(noise.has_past(one.scored).any() for one in parts) else WHITE
 
 
-def _foretold(
-    parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool, predicted: bool
-) -> Foretold:
+def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool) -> Foretold:
     sizes = sizes_of(parts)
     asked = _Asked(_added(parts, plant, sizes), [_like(one, noise, k) for k, one in enumerate(parts)])
     folds = _folds(parts, noise, swept=swept)
-    products = []
-    for w, one in enumerate(parts):
-        columns = _columns(one, plant, sizes, asked.beside(w), noise)
-        products += [_products(columns[each.rows]) for each in folds if each.window == w]
-    weights = _weights(products, asked.targets)
+    white = [_columns(one, plant, sizes, asked.beside(w), noise) for w, one in enumerate(parts)]
+    weights = _weights([_products(white[each.window][each.rows]) for each in folds], asked.targets)
     plain: list[Errors] = []
-    white: list[Errors] = []
+    ahead: list[Errors] = []
     for w, one in enumerate(parts):
         by_others = [(each.rows, weights[p]) for p, each in enumerate(folds) if each.window == w]
-        for through, errors in ((WHITE, plain), (noise, white)):
-            columns = _columns(one, plant, sizes, asked.beside(w), through)
-            errors.append(_before_and_after(columns, by_others))
-    rest, added = _left(parts, plain), range(len(asked.added))
-    (own,) = _shares(plain, added[:1], _segments(rest))
-    first, *others = _shares(white, added, _segments(_left(parts, white)))
-    own = first if predicted else fewer_shown(own, first)
-    held_out = [each for one, each in zip(parts, plain, strict=True) if one.held_out]
-    new = _saved(held_out, 0, _segments(rest))
-    found = replace(new, score=own.score, limit=own.limit)
-    return Foretold(found, rest, _detectable([one.significant for one in others]))
+        known = np.where(noise.has_past(one.scored)[:, None], white[w], 0.0)
+        later = noise.ahead_of_white(known, horizon(one, plant))
+        plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
+        ahead.append(_before_and_after(later, by_others))
+    count = _segments(parts, plant)
+    own, *others = _shares(ahead, range(len(asked.added)), count)
+    asked_of = [w for w, one in enumerate(parts) if one.held_out]
+    found = _saved([ahead[w] for w in asked_of], 0, count)
+    found = _of_all(found, [ahead[w] for w in asked_of], [plain[w] for w in asked_of])
+    rest = _left(parts, plain)
+    return Foretold(
+        replace(found, score=own.score, limit=own.limit),
+        rest,
+        _detectable([one.significant for one in others]),
+    )
+
+
+def horizon(one: WindowResidual, plant: Plant) -> int:
+    """Rows of half a period of the plant; of an over-damped one of its slowest time constant."""
+    time = max(math.pi, 2.0 * plant.zeta) / plant.omega_n
+    return min(max(1, round(time / float(np.median(np.diff(one.t))))), len(one.t))
+
+
+def _of_all(share: Share, ahead: Sequence[Errors], plain: Sequence[Errors]) -> Share:
+    """A share of errors ahead as one of all that is left, but no more than what is foretold moves in all."""
+    rows = sum(int(np.count_nonzero(one.counts)) for one in plain)
+    over = sum(_energy(one.before, one) for one in plain) / max(
+        sum(_energy(one.before, one) for one in ahead), 1e-300
+    )
+    most = sum(_energy(one.before - one.after, one) for one in plain) / rows
+    return replace(share, square=min(share.square * over, most), sd=share.sd * over)
+
+
+def _energy(errors: Array, of: Errors) -> float:
+    return float(np.sum(errors[0][of.counts] ** 2))
 
 
 class _Asked(NamedTuple):
@@ -137,11 +155,11 @@ def _left(parts: Sequence[WindowResidual], of: Sequence[Errors]) -> list[WindowR
     return [replace(one, error=each.after[0], scored=each.counts) for one, each in pairs]
 
 
-def _segments(rest: Sequence[WindowResidual]) -> int:
+def _segments(parts: Sequence[WindowResidual], plant: Plant) -> int:
     """Parts of each window that are compared: long enough to be independent of each other."""
-    alike = BLACK_BOX.correlations * colour(rest).correlation
-    longest = float(np.mean([one.scored.sum() for one in rest])) / alike
-    return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(rest))))
+    alike = BLACK_BOX.correlations * float(np.mean([horizon(one, plant) for one in parts]))
+    longest = float(np.mean([one.scored.sum() for one in parts])) / alike
+    return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 
 
 def _shares(of: Sequence[Errors], which: Sequence[int], count: int) -> list[Share]:
@@ -155,7 +173,7 @@ def _limit(scores: Array) -> float:
     """Score that one more noise would reach by chance, at least 0."""
     count = len(scores)
     spread = float(np.std(scores, ddof=1)) * math.sqrt(1.0 + 1.0 / count)
-    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - SYSTEMATIC.chance, count - 1)) * spread)
+    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - BLACK_BOX.chance, count - 1)) * spread)
 
 
 def _saved(of: Sequence[Errors], k: int, count: int) -> Share:

@@ -54,6 +54,11 @@ class NoiseColour:
         """Rows of `x`, shape (n, ...), less what this noise would make of those before."""
         return unforeseen(x, self.memory)
 
+    def ahead_of_white(self, white: Array, rows: int) -> Array:
+        """Of what was whitened, shape (n, ...), what noise does not make of rows so many before."""
+        response = lfilter([1.0], np.r_[1.0, -np.array(self.memory)], np.eye(1, rows)[0])
+        return np.asarray(lfilter(response, [1.0], white, axis=0))
+
     def drawn(self, n: int, count: int, random: np.random.Generator) -> Array:
         """Such noises; shape (n, count). None grows: roots outside of the unit circle are taken onto it.
 

@@ -51,6 +51,9 @@ class BlackBox:
     left. Chosen."""
     noises: int = 32
     """[noises] Of the colour of what is left, foretold to see what chance shows. Chosen."""
+    chance: float = 1e-4
+    """[-] Probability with which such noises would pass for something systematic. Chosen: less than
+    `Systematic` has, as commands of a loop answer to the recording's noise, not to those that are drawn."""
     mostly: float = 0.75
     """[-] Of the parts added, with either sign, that have to be shown. Chosen."""
 
