@@ -155,6 +155,13 @@ def test_a_line_is_no_noise_that_remembers(tmp_path):
     assert outcome(case.kind, case.causes, told_of(case, tmp_path)) == "exact"
 
 
+def test_what_repeats_with_a_relay_is_no_noise_that_remembers(tmp_path):
+    """Its harmonics are foretold by what was before."""
+    case = draw(99788, duration=12.0)
+    assert (case.causes, case.excitation) == (("sensor_nonlinearity",), "relay")
+    assert outcome(case.kind, case.causes, told_of(case, tmp_path)) == "exact"
+
+
 def effect(name, *others, value=1.0, ci95=(0.5, 1.5), of="level"):
     numbers = {of: {"value": value, "unit": "", "ci95": list(ci95)}}
     return {"name": name, "parameters": numbers, "indistinguishable_from": list(others)}

@@ -12,14 +12,20 @@ from scipy.signal import freqz, lfilter
 
 from seod.diagnose.account.black_box import _free, foretold
 from seod.diagnose.account.grade import graded
-from seod.diagnose.account.repeats import not_repeated, repeats
-from seod.diagnose.account.residual import Plant, WindowResidual, mean_square, window_residuals
+from seod.diagnose.account.residual import (
+    Plant,
+    WindowResidual,
+    mean_square,
+    not_repeated,
+    window_residuals,
+)
 from seod.diagnose.account.yardstick import yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.noise_colour import NoiseColour, colour
+from seod.diagnose.fitting.repeats import repeats
 from seod.diagnose.fitting.uncertainty import at_limits, covariance, p_value, reaches_null
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_period import finer_period_s

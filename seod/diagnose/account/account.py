@@ -10,10 +10,10 @@ import numpy as np
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.loop import answers
-from seod.diagnose.account.repeats import not_repeated, repeats
-from seod.diagnose.account.residual import Plant, mean_square, window_residuals
+from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
 from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.fitting.noise_colour import NoiseColour, colour
+from seod.diagnose.fitting.repeats import repeats
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import Account, Yardstick
 from seod.diagnose.tuning.account import ACCOUNT
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.account.black_box import Foretold
-    from seod.diagnose.account.residual import Share, WindowResidual
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.repeats import Share
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Evidence, OnLoad
 

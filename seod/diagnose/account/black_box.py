@@ -23,7 +23,8 @@ from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.residual import Plant, Share, WindowResidual
+    from seod.diagnose.account.residual import Plant, WindowResidual
+    from seod.diagnose.fitting.repeats import Share
     from seod.diagnose.result import Array, Mask, Rows
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.causes.base import BASE
+from seod.diagnose.fitting.repeats import Share, cycle, profile
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
 from seod.diagnose.tuning.account import SYSTEMATIC
 
@@ -97,28 +98,6 @@ def _line(t: Array, off: Array) -> Array:
     return np.asarray(np.polynomial.Polynomial.fit(t, off, 1)(t))
 
 
-@dataclass(frozen=True, slots=True)
-class Share:
-    """How much of what is left is systematic, at least, by one way of asking.
-
-    Attributes:
-        square: Mean square of the systematic part [unit^2]; may be below 0 by chance.
-        sd: Its standard deviation.
-        score: What is shown, over its own standard deviation (Student's t).
-        limit: Score from which on it is more than chance.
-    """
-
-    square: float
-    sd: float
-    score: float
-    limit: float
-
-    @property
-    def significant(self) -> bool:
-        """Whether there is more than chance would show."""
-        return self.square > 0.0 and self.score > self.limit
-
-
 def fewer_shown(one: Share, other: Share) -> Share:
     """The one of two that is less above its own limit."""
     return one if one.score - one.limit < other.score - other.limit else other
@@ -152,3 +131,21 @@ def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[M
     return Share(
         float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - SYSTEMATIC.chance, len(saved) - 1))
     )
+
+
+def not_repeated(every: Sequence[Series], parts: Sequence[WindowResidual]) -> list[WindowResidual]:
+    """The same without the mean of the other windows at the same phase, where there are such."""
+    cycles = [cycle(one) for one in every]
+    profiles = [None if (of := cycles[one.file]) is None else profile(one, of) for one in parts]
+    out = []
+    for k, one in enumerate(parts):
+        of = cycles[one.file]
+        others = [p for j, p in enumerate(profiles) if j != k and p is not None and parts[j].file == one.file]
+        if of is None or not others:
+            out.append(one)
+            continue
+        count = np.sum(np.isfinite(others), axis=0)
+        mean = np.nansum(others, axis=0) / np.maximum(count, 1)
+        index = of.place(one.t)
+        out.append(replace(one, error=one.error - np.where(index >= 0, mean[index], 0.0)))
+    return out

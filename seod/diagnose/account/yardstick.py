@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.arx import Arx, Run
     from seod.diagnose.account.narx import Narx
-    from seod.diagnose.account.residual import Share
     from seod.diagnose.account.scheduled_arx import Scheduled, ScheduledArx
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.noise_colour import NoiseColour
+    from seod.diagnose.fitting.repeats import Share
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
 

@@ -85,6 +85,13 @@ class Series:
         place.flags.writeable = False
         return place
 
+    @cached_property
+    def u_of_rows(self) -> Array:
+        """The command of each sample, shape (n,), also where only those are kept that change something."""
+        if len(self.u) == len(self.t):
+            return self.u
+        return self.u[np.maximum(np.searchsorted(self.t_u, self.t, "right") - 1, 0)]
+
     def sparser(self, stride: int) -> Series:
         """Every so manieth sample, and the commands that change something."""
         changes = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)

@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from seod.diagnose.causes.table import CAUSES, further_causes, remote
 from seod.diagnose.fitting.least_squares import weighted
 from seod.diagnose.fitting.noise_colour import colour
+from seod.diagnose.fitting.repeats import repeats
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
@@ -25,6 +26,8 @@ from seod.diagnose.tuning.search import NOISE_ALONE
 from seod.diagnose.tuning.starts import LINES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
@@ -35,6 +38,8 @@ if TYPE_CHECKING:
 class _Left:
     """What is left of a window; shape (n,)."""
 
+    file: int
+    t: Array
     error: Array
     scored: Mask
 
@@ -49,7 +54,7 @@ def noise_alone(found: Fitted, screen: Screen) -> bool:
 
 
 def nothing_promised(found: Fitted, screen: Screen) -> bool:
-    """Whether no further effect promises to save more of what is left than chance would.
+    """Whether no further effect promises to save more of what is left than chance would, and nothing repeats.
 
     Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most.
     """
@@ -57,12 +62,22 @@ def nothing_promised(found: Fitted, screen: Screen) -> bool:
     error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
     if np.count_nonzero(error) <= NOISE_ALONE.telling * np.count_nonzero(cut.good):
         return False
-    left = [_Left(error[rows], cut.good[rows]) for rows in cut.slices if cut.good[rows].any()]
+    left = [
+        _Left(k, cut.series[k].t[first:last], error[rows], cut.good[rows])
+        for (k, first, last), rows in zip(cut.windows, cut.slices, strict=True)
+        if cut.good[rows].any()
+    ]
     long, short = (
         replace(found, cut=_remembering(cut, colour(left, longest).memory))
         for longest in (NOISE_COLOUR.longest, NOISE_COLOUR.longest[:1])
     )
-    return not _promised(long, short, screen)
+    return not _promised(long, short, screen) and not _repeated(left, cut)
+
+
+def _repeated(left: Sequence[_Left], cut: Cut) -> bool:
+    """Whether what is left repeats with the command: harmonics, too, are foretold by what was before."""
+    again = repeats(cut.series, left)
+    return again is not None and again.significant
 
 
 def _remembering(cut: Cut, memory: tuple[float, ...]) -> Cut:

@@ -3,22 +3,55 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from scipy.stats import t as student
 
-from seod.diagnose.account.residual import Share
+from seod.diagnose.fitting.noise_colour import Residual
 from seod.diagnose.record.command_period import command_period_s, finer_period_s, relay_period_s, rises
 from seod.diagnose.tuning.account import REPEATS, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array, Rows
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """How much of what is left is systematic, at least, by one way of asking.
+
+    Attributes:
+        square: Mean square of the systematic part [unit^2]; may be below 0 by chance.
+        sd: Its standard deviation.
+        score: What is shown, over its own standard deviation (Student's t).
+        limit: Score from which on it is more than chance.
+    """
+
+    square: float
+    sd: float
+    score: float
+    limit: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is more than chance would show."""
+        return self.square > 0.0 and self.score > self.limit
+
+
+class PlacedResidual(Residual, Protocol):
+    """What is left of one window, and where that is."""
+
+    @property
+    def file(self) -> int:
+        """Which recording."""
+
+    @property
+    def t(self) -> Array:
+        """[s]; shape (n,)."""
 
 
 class Cycle(NamedTuple):
@@ -39,7 +72,7 @@ class Cycle(NamedTuple):
         return np.where(turns < 0.0, -1, part)
 
 
-def repeats(every: Sequence[Series], parts: Sequence[WindowResidual]) -> Share | None:
+def repeats(every: Sequence[Series], parts: Sequence[PlacedResidual]) -> Share | None:
     """Mean product of the residuals of different windows at the same phase; None where no command repeats.
 
     A parabola is taken off each window: what drifts does not count. Of noise, whatever its colour, the mean
@@ -65,19 +98,19 @@ def repeats(every: Sequence[Series], parts: Sequence[WindowResidual]) -> Share |
 
 def cycle(one: Series) -> Cycle | None:
     """Of a recording's command; None where it does not repeat."""
-    period = relay_period_s(one.t, one.u)
+    period = relay_period_s(one.t, one.u_of_rows)
     if period is not None:
-        begins = rises(one.t, one.u)
+        begins = rises(one.t, one.u_of_rows)
     else:
-        period = command_period_s(one.t, one.u, 0.0)
+        period = command_period_s(one.t, one.u_of_rows, 0.0)
         if period is None:
             return None
-        period = finer_period_s(one.t, one.u, period)
+        period = finer_period_s(one.t, one.u_of_rows, period)
         begins = np.arange(one.t[0], one.t[-1] + period, period)
     return Cycle(begins, int(min(max(period / one.tick, REPEATS.fewest_bins), REPEATS.most_bins)))
 
 
-def profile(one: WindowResidual, of: Cycle) -> Array:
+def profile(one: PlacedResidual, of: Cycle) -> Array:
     """Mean residual of a window over the phase, a parabola taken off; shape (bins,), nan without a row."""
     index = of.place(one.t)
     rows = np.flatnonzero(one.scored & (index >= 0))
@@ -88,24 +121,6 @@ def profile(one: WindowResidual, of: Cycle) -> Array:
     count = np.bincount(index[rows], minlength=of.bins)
     total = np.bincount(index[rows], weights=rest, minlength=of.bins)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def not_repeated(every: Sequence[Series], parts: Sequence[WindowResidual]) -> list[WindowResidual]:
-    """The same without the mean of the other windows at the same phase, where there are such."""
-    cycles = [cycle(one) for one in every]
-    profiles = [None if (of := cycles[one.file]) is None else profile(one, of) for one in parts]
-    out = []
-    for k, one in enumerate(parts):
-        of = cycles[one.file]
-        others = [p for j, p in enumerate(profiles) if j != k and p is not None and parts[j].file == one.file]
-        if of is None or not others:
-            out.append(one)
-            continue
-        count = np.sum(np.isfinite(others), axis=0)
-        mean = np.nansum(others, axis=0) / np.maximum(count, 1)
-        index = of.place(one.t)
-        out.append(replace(one, error=one.error - np.where(index >= 0, mean[index], 0.0)))
-    return out
 
 
 def _product(one: Array, other: Array) -> tuple[float, int]:
