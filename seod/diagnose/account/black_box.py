@@ -80,13 +80,17 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
     sizes = sizes_of(parts)
     asked = _Asked(_added(parts, plant, sizes), [_like(one, noise, k) for k, one in enumerate(parts)])
     folds = _folds(parts, noise, swept=swept)
-    white = [_columns(one, plant, sizes, asked.beside(w), noise) for w, one in enumerate(parts)]
-    weights = _weights([_products(white[each.window][each.rows]) for each in folds], asked.targets)
+    products = []
+    for w, one in enumerate(parts):
+        white = _columns(one, plant, sizes, asked.beside(w), noise)
+        products += [_products(white[each.rows]) for each in folds if each.window == w]
+    weights = _weights(products, asked.targets)
     plain: list[Errors] = []
     ahead: list[Errors] = []
     for w, one in enumerate(parts):
         by_others = [(each.rows, weights[p]) for p, each in enumerate(folds) if each.window == w]
-        known = np.where(noise.has_past(one.scored)[:, None], white[w], 0.0)
+        white = _columns(one, plant, sizes, asked.beside(w), noise)
+        known = np.where(noise.has_past(one.scored)[:, None], white, 0.0)
         later = noise.ahead_of_white(known, horizon(one, plant))
         plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
         ahead.append(_before_and_after(later, by_others))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import lfilter, sosfilt, zpk2sos
+from scipy.signal import lfilter, oaconvolve, sosfilt, zpk2sos
 
 from seod.diagnose.record.memory import has_past, unforeseen
 from seod.diagnose.tuning.fitting import NOISE_COLOUR
@@ -56,19 +56,24 @@ class NoiseColour:
 
     def ahead_of_white(self, white: Array, rows: int) -> Array:
         """Of what was whitened, shape (n, ...), what noise does not make of rows so many before."""
-        response = lfilter([1.0], np.r_[1.0, -np.array(self.memory)], np.eye(1, rows)[0])
-        return np.asarray(lfilter(response, [1.0], white, axis=0))
+        response = self._remembered(np.eye(rows, 1))
+        return np.asarray(oaconvolve(white, response, axes=0)[: len(white)])
 
     def drawn(self, n: int, count: int, random: np.random.Generator) -> Array:
-        """Such noises; shape (n, count). None grows: roots outside of the unit circle are taken onto it.
+        """Such noises; shape (n, count)."""
+        return self._remembered(random.normal(size=(2 * n, count)))[n:]
 
-        By second-order sections: a polynomial of many roots is not what its roots were.
+    def _remembered(self, white: Array) -> Array:
+        """The noise that white noise, shape (n, count), makes.
+
+        None grows: roots outside of the unit circle are taken onto it. By second-order sections: a polynomial
+        of many roots is not what its roots were.
         """
         roots = np.roots(np.r_[1.0, -np.array(self.memory)])
         steady = roots / np.maximum(np.abs(roots), 1.0)
-        white = random.normal(size=(2 * n, count))
-        sections = zpk2sos(np.zeros(len(steady)), steady, 1.0)
-        return np.asarray(sosfilt(sections, white, axis=0)[n:] if len(steady) else white[n:])
+        if not len(steady):
+            return white
+        return np.asarray(sosfilt(zpk2sos(np.zeros(len(steady)), steady, 1.0), white, axis=0))
 
     def has_past(self, scored: Mask) -> Mask:
         """Rows that count, and all those before each by which it is foretold; shape (n,)."""
@@ -161,10 +166,10 @@ class _Triangle:
     def of(cls, runs: Sequence[Array], longest: int) -> _Triangle:
         factor, rows = np.empty((0, longest + 1)), 0
         for run in runs:
-            every = np.roll(sliding_window_view(run, longest + 1)[:, ::-1], -1, axis=1)
-            rows += len(every)
-            for first in range(0, len(every), NOISE_COLOUR.at_once):
-                block = every[first : first + NOISE_COLOUR.at_once]
+            newest_first = sliding_window_view(run, longest + 1)[:, ::-1]
+            rows += len(newest_first)
+            for first in range(0, len(newest_first), NOISE_COLOUR.at_once):
+                block = np.roll(newest_first[first : first + NOISE_COLOUR.at_once], -1, axis=1)
                 factor = _triangular(np.vstack([factor, block]))
         return cls(factor, rows)
 
