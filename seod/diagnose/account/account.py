@@ -74,10 +74,10 @@ def accounted(
     ):
         return None, None
     plant = Plant.of(found.model, found.x)
-    shown = systematic([*parts, *own], held.cut.series, plant)
+    in_loop = _in_loop(held.cut.series, [*parts, *own])
+    shown = systematic([*parts, *own], held.cut.series, plant, in_loop=in_loop)
     other = yardstick(seen.cut, held.cut)
     if other is not None:
-        in_loop = _in_loop(held.cut.series, [*parts, *own], shown.noise)
         nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
             part = min(1.0, nearer.square / mean_square(own))
@@ -98,18 +98,21 @@ def accounted(
     return account, None if other is None else Yardstick(other.arx, other.narx, other.changes_with)
 
 
-def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual], noise: NoiseColour) -> bool:
+def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:
     """Whether a relay or a servo loop acts on what disturbs the load."""
+    noise = colour(parts)
     errors = [noise.whitened(np.where(one.scored, one.error, 0.0)) for one in parts]
     past = [noise.has_past(one.scored) for one in parts]
     known = [np.where(some, error, 0.0) for some, error in zip(past, errors, strict=True)]
     return any(one.relayed for one in every) or answers([one.u for one in parts], known)
 
 
-def systematic(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant) -> Shown:
+def systematic(
+    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool = False
+) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)
-    again, box = repeats(every, parts), foretold(parts, plant, swept=swept)
+    again, box = repeats(every, parts), foretold(parts, plant, swept=swept, in_loop=in_loop)
     tells = box is not None and (not swept or math.isfinite(box.detectable))
     asked = again is not None or tells
     total = mean_square([one for one in parts if one.held_out])

@@ -50,7 +50,9 @@ class Fold(NamedTuple):
     rows: Rows
 
 
-def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False) -> Foretold | None:
+def foretold(
+    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, in_loop: bool = False
+) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
     It is a share of errors half a period of the plant ahead: less what noise makes of those before. What a
@@ -64,10 +66,11 @@ def foretold(parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = Fal
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
-    first = _foretold(parts, plant, _usable(colour(parts), parts), swept=swept)
+    how = _How(swept, SYSTEMATIC.chance_in_loop if in_loop else SYSTEMATIC.chance)
+    first = _foretold(parts, plant, _usable(colour(parts), parts), how)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    second = _foretold(parts, plant, _usable(colour(first.rest), parts), swept=swept)
+    second = _foretold(parts, plant, _usable(colour(first.rest), parts), how)
     return max(first, second, key=lambda one: one.share.score - one.share.limit)
 
 
@@ -76,10 +79,22 @@ def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
     return noise if all(noise.has_past(one.scored).any() for one in parts) else WHITE
 
 
-def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, *, swept: bool) -> Foretold:
+class _How(NamedTuple):
+    """How it is asked.
+
+    Attributes:
+        swept: Of a sweep.
+        chance: Probability with which noise alone may pass.
+    """
+
+    swept: bool
+    chance: float
+
+
+def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, how: _How) -> Foretold:
     sizes = sizes_of(parts)
     asked = _Asked(_added(parts, plant, sizes), [_like(one, noise, k) for k, one in enumerate(parts)])
-    folds = _folds(parts, noise, swept=swept)
+    folds = _folds(parts, noise, swept=how.swept)
     products = []
     for w, one in enumerate(parts):
         white = _columns(one, plant, sizes, asked.beside(w), noise)
@@ -95,7 +110,7 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
         ahead.append(_before_and_after(later, by_others))
     count = _segments(parts, plant)
-    own, *others = _shares(ahead, range(len(asked.added)), count)
+    own, *others = _shares(ahead, range(len(asked.added)), count, how.chance)
     asked_of = [w for w, one in enumerate(parts) if one.held_out]
     found = _saved([ahead[w] for w in asked_of], 0, count)
     found = _of_all(found, [ahead[w] for w in asked_of], [plain[w] for w in asked_of])
@@ -167,18 +182,18 @@ def _segments(parts: Sequence[WindowResidual], plant: Plant) -> int:
     return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 
 
-def _shares(of: Sequence[Errors], which: Sequence[int], count: int) -> list[Share]:
+def _shares(of: Sequence[Errors], which: Sequence[int], count: int, chance: float) -> list[Share]:
     """Whether residuals are foretold better than noises of the same colour, which come last, would be."""
     last = len(of[0].before)
     noises = [_saved(of, k, count).score for k in range(last - BLACK_BOX.noises, last)]
-    return [replace(_saved(of, k, count), limit=_limit(np.array(noises))) for k in which]
+    return [replace(_saved(of, k, count), limit=_limit(np.array(noises), chance)) for k in which]
 
 
-def _limit(scores: Array) -> float:
-    """Score that one more noise would reach by chance, at least 0."""
+def _limit(scores: Array, chance: float) -> float:
+    """Score that one more noise would reach with this probability, at least 0."""
     count = len(scores)
     spread = float(np.std(scores, ddof=1)) * math.sqrt(1.0 + 1.0 / count)
-    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - BLACK_BOX.chance, count - 1)) * spread)
+    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - chance, count - 1)) * spread)
 
 
 def _saved(of: Sequence[Errors], k: int, count: int) -> Share:

@@ -51,9 +51,6 @@ class BlackBox:
     left. Chosen."""
     noises: int = 32
     """[noises] Of the colour of what is left, foretold to see what chance shows. Chosen."""
-    chance: float = 1e-4
-    """[-] Probability with which such noises would pass for something systematic. Chosen: less than
-    `Systematic` has, as commands of a loop answer to the recording's noise, not to those that are drawn."""
     mostly: float = 0.75
     """[-] Of the parts added, with either sign, that have to be shown. Chosen."""
 
@@ -85,6 +82,9 @@ class Systematic:
     chance: float = 0.002
     """[-] Probability with which chance alone passes for something systematic; three ways are asked.
     Chosen."""
+    chance_in_loop: float = 1e-4
+    """[-] Likewise for a black box where a loop is closed: commands answer to the recording's noise, not to
+    noises that are drawn to know what chance shows. Chosen."""
     segments: int = 24
     """[segments] Of all windows whose squared errors are compared, if they are long enough. Chosen."""
 
