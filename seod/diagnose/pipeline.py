@@ -326,7 +326,8 @@ def _remembering(
         return base, replace(chosen, drift=drift)
     own = Judged.of(predicted.told, unseen)
     without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
-    told = Chosen(own.found, own.found, _last(own.found, start, way), without, own.held)
+    last = _last(own.found, start, way)
+    told = Chosen(own.found, own.found, last, without, own.held, noise_alone=True)
     return (base if own.found.model.names else own), told
 
 

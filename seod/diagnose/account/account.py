@@ -51,7 +51,13 @@ class Shown(NamedTuple):
 
 
 def accounted(
-    found: Fitted, seen: HeldOut, held: HeldOut, base: HeldOut, *, predicted: bool = False
+    found: Fitted,
+    seen: HeldOut,
+    held: HeldOut,
+    base: HeldOut,
+    *,
+    predicted: bool = False,
+    noise_alone: bool = False,
 ) -> tuple[Account | None, Yardstick | None]:
     """Parts of the baseline's squared error over the windows held out, and what models without physics reach.
 
@@ -65,6 +71,8 @@ def accounted(
         held: Of those held out.
         base: The baseline's of the same.
         predicted: The model was fitted by prediction errors: ARX and NARX have to come nearer in these alone.
+        noise_alone: The same set fitted so leaves nothing systematic. What this one does is of its numbers,
+            which noise has moved.
     """
     parts, own = window_residuals(seen, held_out=False), window_residuals(held, held_out=True)
     if (
@@ -77,7 +85,10 @@ def accounted(
     in_loop = _in_loop(held.cut.series, [*parts, *own])
     shown = systematic([*parts, *own], held.cut.series, plant, in_loop=in_loop)
     other = yardstick(seen.cut, held.cut)
-    if other is not None:
+    if noise_alone:
+        every = [*parts, *own]
+        shown = shown._replace(part=0.0, by="nothing", noise=colour(every), on_load=on_load(every, plant))
+    elif other is not None:
         nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
             part = min(1.0, nearer.square / mean_square(own))

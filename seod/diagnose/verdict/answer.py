@@ -113,7 +113,8 @@ def answered(
     held = searched.chosen.held
     others = len(held_out.series) > seen
     behind = left_behind(searched.effects, searched.held) if others else ()
-    account, yardstick = accounted(searched.chosen.over_all, best, held, searched.held)
+    chosen = searched.chosen
+    account, yardstick = accounted(chosen.over_all, best, held, searched.held, noise_alone=chosen.noise_alone)
     if not rare and held.adequacy >= HELD_OUT.adequate:
         rest = systematic_part(rest, account, held.nrmse, relevance)
     defects = _record_effects(checked, searched.chosen.held, best)

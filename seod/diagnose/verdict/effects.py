@@ -38,6 +38,7 @@ class Chosen:
         without: Of each effect the set without it, fitted anew.
         held: Its simulation of the windows held out.
         drift: The same beside a load that drifts, where recordings show one.
+        noise_alone: Fitted by prediction errors, the set leaves nothing systematic.
         again: `last` fitted anew to each recording that no fit has seen; None where too little of one counts.
     """
 
@@ -47,6 +48,7 @@ class Chosen:
     without: Mapping[str, Judged]
     held: HeldOut
     drift: Drift | None = None
+    noise_alone: bool = False
     again: tuple[Fitted | None, ...] = ()
 
     @property
