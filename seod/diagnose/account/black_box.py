@@ -2,8 +2,8 @@
 
 The forces act on the load, the volts on the valve, of the fitted plant, so that what they do to the reading
 drifts as it does; further terms act on the reading itself. Ridge regression, each window foretold by a fit of
-the others. No two windows of a sweep are alike: there each fold of a window is foretold by all others, those
-beside it among them.
+the others, in errors half a period of the plant ahead. No two windows of a sweep are alike: there each fold
+of a window is foretold by all others, those beside it among them.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def _left(parts: Sequence[WindowResidual], of: Sequence[Errors]) -> list[WindowR
 
 def _segments(parts: Sequence[WindowResidual], plant: Plant) -> int:
     """Parts of each window that are compared: long enough to be independent of each other."""
-    alike = BLACK_BOX.correlations * float(np.mean([horizon(one, plant) for one in parts]))
+    alike = BLACK_BOX.horizons * float(np.mean([horizon(one, plant) for one in parts]))
     longest = float(np.mean([one.scored.sum() for one in parts])) / alike
     return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 

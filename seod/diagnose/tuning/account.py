@@ -23,8 +23,9 @@ class BlackBox:
 
     ridges: tuple[float, ...] = (1e-6, 1e-4, 1e-2, 1.0)
     """[-] Penalties that are tried, over the mean square of a column. Chosen."""
-    correlations: float = 2.0
-    """[-] Correlation times in such a part, at least: shorter ones would not be independent. Chosen."""
+    horizons: float = 2.0
+    """[-] Times ahead in a part whose errors are compared, at least: shorter ones would not be independent.
+    Chosen."""
     alike: float = 5.0
     """[-] Correlation times of what is left in a fold of a sweep's window, at least: what is alike in it and
     beside it would foretell itself. Chosen."""
