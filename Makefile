@@ -20,7 +20,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --no-input -q
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 1700000000)
 
 .PHONY: install rollback uninstall wheelhouse branches mutants audit sbom release
-.PHONY: machine-code test-blind test-rest
+.PHONY: machine-code test-computes test-rest
 .PHONY: run test lint format outputs docs notebook unit pythons compiled fuzz fuzz-bytes fuzz-briefly dst blind processes vm wheel bench lock clean
 
 run: $(RUNS)
@@ -31,16 +31,18 @@ UNIT := $(BIN)/pytest tests/unit -n auto --dist loadfile --no-loadscope-reorder
 BLIND := $(BIN)/pytest tests/blind -n auto
 NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.ipynb
 
-# Blind tests compute, and tests of processes mostly wait: side by side they use all processors.
+# Diagnoses compute, and tests of processes mostly wait: side by side they use all processors.
 test: $(READY)
 	$(MAKE) --jobs=2 --output-sync=target lint machine-code docs compiled fuzz-briefly notebook
-	$(UNIT)
-	$(MAKE) --jobs=2 test-rest test-blind
+	$(UNIT) -m "not computes"
+	$(MAKE) --jobs=2 test-rest test-computes
 
-# It gives way to the daemons of the other tests, and shows what it prints when it has ended.
-test-blind: $(READY)
+# It gives way to the daemons of the other tests, and shows what it prints when it has ended. A module at a time: what its
+# tests share is computed once. The time limit is that of a processor that others use first.
+test-computes: $(READY)
 	@mkdir -p build
-	nice -n 19 $(BLIND) >build/blind.txt 2>&1; code=$$?; cat build/blind.txt; exit $$code
+	nice -n 19 $(BIN)/pytest tests/blind tests/unit/test_diagnose_*.py -m computes -n auto --dist loadfile --timeout=1200 \
+		>build/computes.txt 2>&1; code=$$?; cat build/computes.txt; exit $$code
 
 test-rest: $(READY)
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind

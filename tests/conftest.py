@@ -47,6 +47,13 @@ settings.load_profile(os.environ.get("SEOD_EXAMPLES", "repeated"))
 gc.disable()  # while tests are collected: all of that stays, and to look through it takes a seventh of it
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Whole diagnoses compute, and no clock decides about them: `make test` runs them behind all others."""
+    slow = item.get_closest_marker("slow") and item.path.name.startswith("test_diagnose_")
+    if slow or item.path.parent.name == "blind":
+        item.add_marker("computes")
+
+
 def pytest_collection_finish() -> None:
     """From here on, without what stays."""
     gc.freeze()

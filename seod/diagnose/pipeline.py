@@ -335,13 +335,14 @@ def _by_predictions(choice: Choice, found: Fitted, start: _Start, way: _Way) -> 
     """The set fitted by prediction errors; None where these leave something systematic.
 
     Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left. Or
-    far worse than the set that was chosen: no loop makes so much of noise.
+    far worse than the set that was chosen: no loop makes so much of noise. Or no better than a mean: what no
+    plant moves has a past as well, which foretells it.
     """
     asked = start.to_fit, start.held_out
 
     def noise_alone(fitted: Fitted) -> bool:
         seen, held = (simulate_held_out(fitted.model, fitted.x, cut) for cut in asked)
-        if held.nrmse > PREDICTION.given_up * choice.best.held.nrmse:
+        if held.nrmse > min(PREDICTION.given_up * choice.best.held.nrmse, 1.0):
             return False
         account, _ = accounted(fitted, seen, held, choice.base.held, predicted=True)
         return account is not None and account.systematic == 0.0 and account.asked

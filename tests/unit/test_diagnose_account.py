@@ -421,17 +421,20 @@ def lagging():
 
 def test_a_size_that_may_be_none_is_no_cause(lagging):
     spread = covariance(lagging)
-    assert not reaches_null(lagging, "valve_lag", spread)
+    assert not reaches_null(lagging, "valve_lag", spread, 1)
     k = [c.place for c in lagging.model.coordinates].index("valve_lag.time")
     sure = spread[k, k]
     vague = spread.copy()
     vague[k, k] = sure * (0.7 * lagging.x[k] / np.sqrt(sure)) ** 2
-    assert reaches_null(lagging, "valve_lag", vague)
+    assert reaches_null(lagging, "valve_lag", vague, 1)
+    vague[k, k] = (0.4 * lagging.x[k]) ** 2  # 2.5 standard deviations: the largest of 24 by chance
+    assert not reaches_null(lagging, "valve_lag", vague, 1)
+    assert reaches_null(lagging, "valve_lag", vague, 24)
     at_none = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[0], lagging.x))
-    assert reaches_null(at_none, "valve_lag", spread)
+    assert reaches_null(at_none, "valve_lag", spread, 1)
     assert at_limits(at_none) == []
     far = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[1], lagging.x))
-    assert not reaches_null(far, "valve_lag", spread)
+    assert not reaches_null(far, "valve_lag", spread, 1)
     assert at_limits(far) == ["valve_lag.time"]
 
 

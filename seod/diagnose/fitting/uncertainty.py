@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t, ttest_1samp
+from scipy.stats import norm, t, ttest_1samp
 
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import GAPS
@@ -130,21 +130,23 @@ def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Par
     return out
 
 
-def reaches_null(fitted: Fitted, name: str, spread: Array) -> bool:
-    """Whether the 95 % interval of an effect's size reaches the value at which it does nothing.
+def reaches_null(fitted: Fitted, name: str, spread: Array, tried: int) -> bool:
+    """Whether the interval of an effect's size reaches the value at which it does nothing.
 
-    An effect's first parameter is its size, but of one that has several sizes.
+    An effect's first parameter is its size, but of one that has several sizes. Wide enough that of `tried`
+    causes that do nothing one in twenty searches finds one beyond it (Bonferroni).
     """
     effect = EFFECTS[name]
     sizes = [p for p in effect.parameters if p.name in effect.sizes] or effect.parameters[:1]
     values = grouped(fitted.model.values(fitted.x))[name]
-    return all(_near_null(fitted, name, each, spread) for each in sizes if each.name in values)
+    reach = float(norm.isf((1.0 - UNCERTAINTY.upper_end) / tried))
+    return all(_near_null(fitted, name, each, spread, reach) for each in sizes if each.name in values)
 
 
-def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Array) -> bool:
+def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Array, sds: float) -> bool:
     value = grouped(fitted.model.values(fitted.x))[name][parameter.name]
     slope = _slope(fitted, name, parameter.name)
-    reach = SD_OF_95 * math.sqrt(max(float(slope @ spread @ slope), 0.0))
+    reach = sds * math.sqrt(max(float(slope @ spread @ slope), 0.0))
     off = abs(value) if math.isinf(parameter.null) else abs(value - parameter.null)
     place = f"{name}.{parameter.name}"
     return off <= reach or any(at == place and end == parameter.null for at, end in _limits(fitted))

@@ -11,7 +11,7 @@ import numpy as np
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
-from seod.diagnose.search.noise_alone import nothing_promised
+from seod.diagnose.search.noise_alone import in_its_noise, nothing_promised
 from seod.diagnose.search.prune import best_alike, plainer, thinned
 from seod.diagnose.search.refine import refined, settled
 from seod.diagnose.search.whole_recordings import one_more, widened
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.search.beam import Grown
+    from seod.diagnose.search.prune import Tried
     from seod.diagnose.search.screen import Screen
 
 
@@ -59,12 +60,36 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
         least = FINAL_CHOICE.misfit_gain
         worst_first = sorted((one.found for one in (plain, *sets)), key=lambda one: -one.cost)
         tried |= {frozenset(one.model.names): one for one in worst_first}
-    own, rest = thinned(
-        plainer(best, held_out, screen, least), tried, held_out, screen, least, above_noise(base.held)
-    )
+    if not more and best.found.model.names:
+        best = _by_its_noise(best, held_out, screen)
+    own, rest = _simplest(best, base, tried, held_out, screen, least)
     if own.found.model.names and own.held.adequacy <= HELD_OUT.adequate:
         own = Judged.of(settled(own.found, own.found.cut, screen), held_out)
     return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
+
+
+def _simplest(
+    best: Judged, base: Judged, tried: Tried, held_out: Cut, screen: Screen, enough: float
+) -> tuple[Judged, dict[str, Judged]]:
+    """Plain forms and no effect too many, until neither is left: without others a plain form may do."""
+    while True:
+        plain = plainer(best, held_out, screen, enough)
+        own, rest = thinned(plain, tried, held_out, screen, enough, above_noise(base.held))
+        if own is plain:
+            return own, rest
+        best = own
+
+
+def _by_its_noise(best: Judged, held_out: Cut, screen: Screen) -> Judged:
+    """The set fitted anew by what noise like that which it leaves does not foretell of errors.
+
+    Noise that remembers bends a fit of errors by more than a simpler set or an alike cause differs.
+    """
+    cut = in_its_noise(best.found)
+    if cut is best.found.cut:
+        return best
+    found = refined(best.found, cut, screen)
+    return best_alike(Judged.of(found, held_out), held_out, screen)
 
 
 def _nothing_more(found: Fitted, wide: Cut, screen: Screen) -> bool:

@@ -49,17 +49,30 @@ class ParentResidual:
 
     def promise(self, name: str, start: Values) -> Promise:
         """What an effect saves if its change from this start is the right one but for its size."""
-        parent, model = self.parent, self.parent.model.with_effect(name)
-        x = model.searched(begun_from(parent.model.values(parent.x), start))
-        changes = [self._change(model, x)]
-        if CAUSES[name].wave is not None:
-            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
-        directions = np.linalg.qr(np.stack(changes, axis=1))[0]
+        model, x, directions = self._directions(name, start)
         total = max(
             float(self.remaining @ self.remaining), 1e-300
         )  # nothing, where a coarse sensor says no more
         explained = float(np.sum((directions.T @ self.remaining) ** 2)) / total
         return Promise(model, x, -math.log(max(1.0 - explained, 1e-12)))
+
+    def without(self, name: str, start: Values) -> Array:
+        """What remains without the part of it that the effect makes up; weighted, shape (n,)."""
+        _, _, directions = self._directions(name, start)
+        return np.asarray(self.remaining - directions @ (directions.T @ self.remaining))
+
+    def unweighted(self, remaining: Array) -> Array:
+        """The same [unit of y]."""
+        return np.asarray(remaining / self.weight)
+
+    def _directions(self, name: str, start: Values) -> tuple[Model, Array, Array]:
+        """The model with an effect, where to begin, and orthonormal changes that the effect makes."""
+        parent, model = self.parent, self.parent.model.with_effect(name)
+        x = model.searched(begun_from(parent.model.values(parent.x), start))
+        changes = [self._change(model, x)]
+        if CAUSES[name].wave is not None:
+            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
+        return model, x, np.linalg.qr(np.stack(changes, axis=1))[0]
 
     def _change(self, model: Model, x: Array) -> Array:
         residual = weighted(model, self.parent.cut, x, self.parent.start)

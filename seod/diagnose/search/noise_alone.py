@@ -18,6 +18,7 @@ from seod.diagnose.causes.table import CAUSES, further_causes, remote
 from seod.diagnose.fitting.least_squares import weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.repeats import repeats
+from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
@@ -28,6 +29,7 @@ from seod.diagnose.tuning.starts import LINES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
@@ -56,22 +58,41 @@ def noise_alone(found: Fitted, screen: Screen) -> bool:
 def nothing_promised(found: Fitted, screen: Screen) -> bool:
     """Whether no further effect promises to save more of what is left than chance would, and nothing repeats.
 
-    Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most.
+    Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most. And a
+    plant at an end of its range is none that leaves noise.
     """
-    cut = found.cut
-    error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
-    if np.count_nonzero(error) <= NOISE_ALONE.telling * np.count_nonzero(cut.good):
+    cut, left = found.cut, _left(found)
+    if not left or at_limits(found):
         return False
-    left = [
-        _Left(k, cut.series[k].t[first:last], error[rows], cut.good[rows])
-        for (k, first, last), rows in zip(cut.windows, cut.slices, strict=True)
-        if cut.good[rows].any()
-    ]
     long, short = (
         replace(found, cut=_remembering(cut, colour(left, longest).memory))
         for longest in (NOISE_COLOUR.longest, NOISE_COLOUR.longest[:1])
     )
     return not _promised(long, short, screen) and not _repeated(left, cut)
+
+
+def in_its_noise(found: Fitted) -> Cut:
+    """The windows with the noise that a set leaves; as they are where it is white, or nobody can tell."""
+    left = _left(found)
+    return _remembering(found.cut, colour(left).memory) if left else found.cut
+
+
+def _left(found: Fitted) -> list[_Left]:
+    """What is left of each window; none where no row counts, or rounding hides the error of most."""
+    cut = found.cut
+    error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
+    if np.count_nonzero(error) <= NOISE_ALONE.telling * np.count_nonzero(cut.good):
+        return []
+    return _parts(cut, error)
+
+
+def _parts(cut: Cut, error: Array) -> list[_Left]:
+    """By windows in which any row counts; of errors end to end, shape (n,)."""
+    return [
+        _Left(k, cut.series[k].t[first:last], error[rows], cut.good[rows])
+        for (k, first, last), rows in zip(cut.windows, cut.slices, strict=True)
+        if cut.good[rows].any()
+    ]
 
 
 def _repeated(left: Sequence[_Left], cut: Cut) -> bool:
@@ -81,7 +102,9 @@ def _repeated(left: Sequence[_Left], cut: Cut) -> bool:
 
 
 def _remembering(cut: Cut, memory: tuple[float, ...]) -> Cut:
-    """The windows with noise of this memory, unless too few rows have all of their past."""
+    """The windows with noise of this memory, unless it has none, or too few rows have all of their past."""
+    if not memory:
+        return cut
     remembering = cut.remembering(memory)
     if np.count_nonzero(remembering.good) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
         return cut
@@ -104,7 +127,32 @@ def _promised(found: Fitted, short: Fitted, screen: Screen) -> bool:
     of_one = float(chi2.isf(NOISE_ALONE.chance / max(len(trials), 1), 1))
     of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows[True]), 2))  # the largest of so many
     promises = screen.parallel(lambda one: (_waves(one[0]), ahead[_waves(one[0])].promise(*one)), trials)
-    return any(rows[wave] * one.saves > (of_wave if wave else of_one) for wave, one in promises)
+    if any(rows[wave] * one.saves > (of_wave if wave else of_one) for wave, one in promises):
+        return True
+    return _hides_in_memory(replace(found, cut=found.cut.remembering(())), trials, screen)
+
+
+def _hides_in_memory(found: Fitted, trials: Sequence[tuple[str, Values]], screen: Screen) -> bool:
+    """Whether an effect makes up most of what is left, and the past foretells the rest of it better.
+
+    A memory that is fitted to all that is left foretells the effect, too.
+    """
+    white = ParentResidual(found)
+    some = list(screen.parallel(lambda one: white.without(*one), trials))
+    total = max(float(white.remaining @ white.remaining), 1e-300)
+    most = [each for each in some if float(each @ each) < NOISE_ALONE.hidden_part * total]
+    most.sort(key=lambda each: float(each @ each))
+    own = _foretold(found, white.unweighted(white.remaining)) if most else 0.0
+    rest = (_foretold(found, white.unweighted(each)) for each in most[: NOISE_ALONE.hidden_tried])
+    return any(own - each > NOISE_ALONE.hidden_saves for each in rest)
+
+
+def _foretold(found: Fitted, error: Array) -> float:
+    """Log of the mean square that noise fitted to errors, shape (n,), does not foretell of them."""
+    left = _parts(found.cut, error)
+    noise = colour(left)
+    seen = [noise.whitened(one.error)[noise.has_past(one.scored)] for one in left]
+    return float(np.log(max(float(np.mean(np.concatenate(seen) ** 2)), 1e-300)))
 
 
 def _waves(name: str) -> bool:

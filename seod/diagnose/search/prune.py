@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES
+from seod.diagnose.causes.table import CAUSES, further_causes
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
@@ -26,11 +26,16 @@ if TYPE_CHECKING:
 
 
 def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged:
-    """The set with the plain form of effects, where the richer one gains too little over it."""
+    """The set with the plain form of effects, where the richer one gains too little over it.
+
+    Or where its own size may be none: what a spring as soft as that adds to a constant load is not known.
+    """
     for rich in own.found.model.names:
         simpler = [Judged.of(one, held_out) for one in _plainly(own.found, rich, screen)]
-        nearest = min(simpler, key=lambda one: gain(one, own), default=own)
-        own = nearest if gain(nearest, own) < enough else own
+        if simpler:
+            needed = PRUNE.surely if _may_be_none(own, rich, covariance(own.found)) else enough
+            nearest = min(simpler, key=lambda one: gain(one, own))
+            own = nearest if gain(nearest, own) < needed else own
     return own
 
 
@@ -118,7 +123,8 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list
 
 
 def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
-    return EFFECTS[name].cause and reaches_null(own.found, name, spread)
+    tried = len(further_causes(own.found.model.scales, ()))
+    return EFFECTS[name].cause and reaches_null(own.found, name, spread, tried)
 
 
 def _rest(fitted: Fitted, tried: Tried, held_out: Cut, screen: Screen) -> dict[str, Judged]:

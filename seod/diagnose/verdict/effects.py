@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, OFFSET, further_causes
+from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import FoundEffect, Gain, Parameter
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from seod.diagnose.fitting.held_out import HeldOut
-    from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.load_drift import Drift
     from seod.diagnose.result import Array
@@ -68,7 +68,7 @@ def found_effects(
         if not EFFECTS[name].cause:
             continue
         others = (
-            *_in_place_of(name, chosen.found, rest.found, screen, tried),
+            *_in_place_of(name, chosen, rest.found, screen, tried),
             *_over_the_sweep(name, chosen.found, tried),
         )
         out.append(
@@ -140,18 +140,29 @@ def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fi
 
 
 def _in_place_of(
-    name: str, fitted: Fitted, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
+    name: str, chosen: Chosen, rest: Fitted, screen: Screen, tried: Mapping[frozenset[str], Fitted]
 ) -> list[str]:
-    """Causes that explain as well what `name` does, the others of the set fitted anew."""
-    others = frozenset(rest.model.names)
+    """Causes that explain as well what `name` does, the others of the set fitted anew.
+
+    As well is also what windows held out do not tell to be worse: where noise remembers, it bends a fit
+    by more than the fits of two causes differ.
+    """
+    fitted, others = chosen.found, frozenset(rest.model.names)
     siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:
         siblings = extended(screen, [refined(rest, screen.cut, screen)], fitted.model.names)
-    few, every = screen.cut, screen.every
+    few, every = screen.cut, screen.every.remembering(fitted.cut.memory)
     reach = refined(fitted, few, screen).cost + FOUND_EFFECTS.near * least_gain(few)
     near = [one for one in siblings if one.cost < reach]
     near += alike(fitted, name, screen)
     own, *near = screen.parallel(lambda one: refined(one, every, screen), [fitted, *near])
-    good = sorted((one for one in near if one.cost < own.cost + as_well(every)), key=lambda one: one.cost)
+    foretold = Judged.of(own, chosen.held.cut).held
+    good = [one for one in near if one.cost < own.cost + as_well(every) or not _foretells_less(one, foretold)]
+    good.sort(key=lambda one: one.cost)
     return list(dict.fromkeys(next(iter(set(one.model.names) - others)) for one in good))
+
+
+def _foretells_less(other: Fitted, own: HeldOut) -> bool:
+    """Whether windows held out tell that another set is worse."""
+    return p_value(Judged.of(other, own.cut).held, own) < FOUND_EFFECTS.surely_worse

@@ -34,13 +34,14 @@ def systematic_part(left: Unexplained, account: Account | None, rest: float, rel
 
     Args:
         left: By `unexplained`.
-        account: Parts of the baseline's squared error; where nobody could ask all that is left counts.
+        account: Parts of the baseline's squared error; where nobody could ask all that is left counts, and
+            where the model simulates no better than a mean: by a plant that it is not, nothing can be asked.
         rest: NRMSE of what is left.
         relevance: Systematic NRMSE up to which it does not matter.
     """
     if left.fraction == 0.0:
         return left
-    if account is None or not account.asked:
+    if account is None or not account.asked or rest >= 1.0:
         return left if rest > relevance else Unexplained(0.0)
     above = account.explained + account.systematic
     if not account.systematic_nrmse > relevance or not above > 0.0:

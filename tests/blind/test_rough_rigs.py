@@ -1,0 +1,31 @@
+"""Records as measured rigs give them, of which noise that remembers made other causes than are hidden."""
+
+import pytest
+from hidden_cases import draw
+from hidden_records import write
+from hidden_rough import make_rough_record, rough
+from hidden_score import outcome
+
+from seod.data import read
+from seod.diagnose.pipeline import Options, diagnose
+
+pytestmark = [pytest.mark.blind, pytest.mark.timeout(1200)]
+
+HIDDEN = [
+    pytest.param(72206, (), id="a slow offset is no load"),
+    pytest.param(72214, ("load_bias",), id="nor is a load beside it a spring of any stiffness"),
+    pytest.param(72204, ("valve_lag",), id="which of two lags it is such noise does not tell"),
+    pytest.param(72231, ("valve_deadband",), id="a deadband is no bent map"),
+]
+
+
+@pytest.mark.parametrize(("number", "causes"), HIDDEN)
+def test_noise_that_remembers_makes_nothing_else_of_what_is_hidden(tmp_path, number, causes):
+    case = draw(number, duration=12.0)
+    how = rough(case)
+    assert case.causes == causes
+    assert how.colour >= 0.9
+    write(make_rough_record(case, how), tmp_path / "run.csv")
+    output = "velocity" if case.rig.sees_speed else "position"
+    told = diagnose([read(tmp_path / "run.csv")], (), Options(output, effort="quick")).as_json()
+    assert outcome(case.kind, case.causes, how.forgiven(case.causes, told)) in {"exact", "within"}, told
