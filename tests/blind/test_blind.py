@@ -163,13 +163,6 @@ def test_a_line_that_makes_most_of_what_is_left_does_not_hide_in_its_past(tmp_pa
     assert outcome(case.kind, case.causes, told_of(case, tmp_path, effort="quick")) == "exact"
 
 
-def test_what_simulates_no_better_than_a_mean_leaves_no_noise(tmp_path):
-    case = draw(100171, duration=12.0)
-    told = told_of(case, tmp_path, effort="quick")
-    assert told["grade"] == "useless"
-    assert told["verdict"] != "clean"
-
-
 def test_what_repeats_with_a_relay_is_no_noise_that_remembers(tmp_path):
     """Its harmonics are foretold by what was before."""
     case = draw(99788, duration=12.0)

@@ -380,6 +380,12 @@ def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
     assert systematic_part(Unexplained(0.0), told, 0.1, 0.0).fraction == 0.0
 
 
+def test_what_simulates_no_better_than_a_mean_leaves_no_noise():
+    left, noise_alone = Unexplained(0.8), Account(0.2, 0.0, 0.8, 0.0)
+    assert systematic_part(left, noise_alone, 0.99, 0.02).fraction == 0.0
+    assert systematic_part(left, noise_alone, 1.0, 0.02) == left
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(400)  # a whole diagnosis, on a busy machine
 def test_coloured_noise_is_no_cause(monkeypatch):
