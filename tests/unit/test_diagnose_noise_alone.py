@@ -28,6 +28,7 @@ from seod.diagnose.search.noise_alone import noise_alone, nothing_promised
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.search_roots import Roots
 from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.search import NOISE_ALONE
 
 K_L, OMEGA_N, ZETA = 20.0, 60.0, 0.5
 RATE, N = 500.0, 6000
@@ -95,12 +96,24 @@ def test_rounding_that_hides_the_error_of_most_rows_tells_nothing():
     assert not nothing_promised(replace(found, cut=replace(found.cut, series=rounded)), screened)
 
 
-def test_what_few_windows_do_not_show_is_asked_of_all():
+def one_window(found):
+    return replace(found, cut=found.cut.only([0]), start=found.start[:1], error=found.error[:1])
+
+
+def test_what_few_windows_do_not_show_is_asked_of_all(monkeypatch):
+    loose = replace(NOISE_ALONE, hidden_saves=np.inf)
+    monkeypatch.setattr("seod.diagnose.search.noise_alone.NOISE_ALONE", loose)
     found, screened = fitted(0.99, 0.005)
-    few = found.cut.only([0])
-    less = replace(found, cut=few, start=found.start[:1], error=found.error[:1])
+    less = one_window(found)
     assert nothing_promised(less, screened)
     assert not noise_alone(less, screened)
+
+
+def test_a_memory_of_all_that_is_left_does_not_hide_what_makes_most_of_it():
+    found, screened = fitted(0.99, 0.005)
+    assert not nothing_promised(one_window(found), screened)
+    alone, screened = fitted(0.99, 0.0)
+    assert nothing_promised(one_window(alone), screened)
 
 
 def test_nothing_is_tried_beside_noise_that_remembers():
