@@ -99,6 +99,17 @@ def test_a_map_that_grew_from_a_simpler_cause_does_what_that_does(name):
         assert grown["K_L"] * one.worth(volts) == pytest.approx(K_L * SIMPLER[name](volts), abs=1e-9)
 
 
+@pytest.mark.parametrize("second", [0.3, 0.2, 0.99])
+def test_plain_forms_of_a_map_whose_corners_meet_or_have_crossed_are_numbers(second):
+    """As simulated: corners in order, and apart."""
+    corners = {"knot_1": 0.3 if second < 0.9 else 0.98, "knot_2": second}
+    values = {f"static_valve_map.{of}": v for of, v in (dict.fromkeys(PARTS, 0.0) | corners).items()}
+    for form in STATIC_VALVE_MAP.plain:
+        back = form.becomes(values | {"K_L": K_L}, type("Sizes", (), {"volts": LARGEST})())
+        assert back.get("K_L", K_L) == pytest.approx(K_L)
+        assert back.get("valve_deadband.half_width", 0.0) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_map_of_one_sign_is_a_null_elsewhere():
     (form,) = [each for each in STATIC_VALVE_MAP.plain if each.name == "null_shift"]
     parts = dict.fromkeys(PARTS, 0.0) | {"tilt_1": -0.2, "tilt_2": -0.2, "tilt_3": -0.2} | AT_THIRDS

@@ -47,8 +47,7 @@ def _monotone(effects: Effects, s: Scales) -> None:
     """A valve's map lies over the commands of the recordings, and never falls from knot to knot."""
     of = effects["static_valve_map"]
     of["range"] = s.volts
-    of["knot_1"] = min(of["knot_1"], LAST_KNOT - LEAST_APART)
-    of["knot_2"] = max(of["knot_2"], of["knot_1"] + LEAST_APART)
+    of |= _apart(of)
     at, *worth = _worth(of)
     up, down = (np.maximum(np.minimum.accumulate(one[::-1])[::-1], 0.0) for one in worth)
     bend, tilt = 0.5 * (up + down) - at, 0.5 * (up - down)
@@ -59,7 +58,13 @@ def _monotone(effects: Effects, s: Scales) -> None:
 def _worth_of(values: Values, s: Scales) -> tuple[Array, Array, Array]:
     """The same from what is searched."""
     own = {place.removeprefix("static_valve_map."): value for place, value in values.items()}
-    return _worth(own | {"range": s.volts})
+    return _worth(own | {"range": s.volts} | _apart(own))
+
+
+def _apart(of: Mapping[str, float]) -> dict[str, float]:
+    """Corners in order, as parts of the range, as far from each other as is simulated."""
+    first = min(of["knot_1"], LAST_KNOT - LEAST_APART)
+    return {"knot_1": first, "knot_2": max(of["knot_2"], first + LEAST_APART)}
 
 
 def _as_map(values: Values, s: Scales, first: float, second: float, worth: Worth) -> Values:
