@@ -20,6 +20,7 @@ from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.fitting.noise_colour import colour
+from seod.diagnose.fitting.slow_offset import slow_part
 from seod.diagnose.search.beam import least_gain
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.search import REFINE
@@ -81,7 +82,8 @@ class Predictions:
             rest = {name: self.without(name, newest) for name in newest.model.names}
             idle = [name for name, one in rest.items() if _saved(one, newest) < least_gain(newest.cut)]
             if not idle:
-                return Predicted(newest, rest, self.fitted(newest.model, newest, found.cut))
+                cut = found.cut.remembering((), newest.cut.slow)
+                return Predicted(newest, rest, self.fitted(newest.model, newest, cut))
             newest = rest[min(idle, key=lambda name: _saved(rest[name], newest))]
         return None
 
@@ -100,7 +102,7 @@ class Predictions:
     def with_own_noise(self, found: Fitted) -> Fitted:
         """A set, fitted by what the noise that its own simulation leaves does not foretell."""
         for _ in range(PREDICTION.rounds):
-            found = self.fitted(found.model, found, found.cut.remembering(self._memory(found)))
+            found = self.fitted(found.model, found, self._in_own_noise(found))
         return found
 
     def fitted(self, model: Model, near: Fitted, cut: Cut) -> Fitted:
@@ -111,10 +113,13 @@ class Predictions:
         ended, enough = self.budget(), REFINE.fine_improvement
         return fit(model, cut, x, start, REFINE.fine_steps, self.parallel, ended=ended, enough=enough)
 
-    def _memory(self, found: Fitted) -> tuple[float, ...]:
+    def _in_own_noise(self, found: Fitted) -> Cut:
         every = (simulate_held_out(found.model, found.x, cut) for cut in self.asked)
         parts = [part for held in every for part in window_residuals(held, held_out=False)]
-        return colour(parts).memory if parts else ()
+        if not parts:
+            return found.cut.remembering(())
+        noise = colour(parts)
+        return found.cut.remembering(noise.memory, slow_part(noise, found.cut))
 
 
 def answered(fitted: Fitted) -> bool:

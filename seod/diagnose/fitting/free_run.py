@@ -15,6 +15,7 @@ from seod.diagnose.fitting.held_out import simulate_held_out, whole
 from seod.diagnose.fitting.initial_states import begun_states, measured_places
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
+from seod.diagnose.fitting.slow_offset import beside_slow_offset
 from seod.diagnose.record.windows import Cut, all_but, fitted_windows, segments
 from seod.diagnose.result import FreeRun
 from seod.diagnose.tuning.fitting import FREE_RUN
@@ -103,7 +104,8 @@ def fitted_to_all_rows(
         cut = segments(Cut(windows.series, whole_series(windows.series)), longest)
     else:
         cut = fitted_windows(windows)
-    return fitted_over(fitted, cut.remembering(own.memory), parallel, ended)
+    last = fitted_over(fitted, cut.remembering(own.memory, own.slow), parallel, ended)
+    return beside_slow_offset(last, parallel)
 
 
 def whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:

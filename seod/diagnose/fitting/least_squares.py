@@ -244,8 +244,14 @@ class LeastSquares:
         new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.record(x)))
         return new, *self.tried(x, new)
 
-    def derivatives(self, x: Array, start: Array, residual: Array, error: Array) -> Normal:
-        """Normal equations of all windows."""
+    def derivatives(
+        self, x: Array, start: Array, residual: Array, error: Array, beside: Array | None = None
+    ) -> Normal:
+        """Normal equations of all windows.
+
+        Numbers of what is `beside` the model, shape (n, k), follow the searched ones: each adds its column,
+        and is anything of deviation 1.
+        """
         states, sizes, record = self.model.states, self.model.state_sizes, self.record(x)
         ranges = np.full(len(sizes), np.inf)
         ranges[LOOSE] = loosest(record)
@@ -262,6 +268,11 @@ class LeastSquares:
         if shifts:
             shifted = self.cut.unforeseen(np.full(len(residual), sizes[POSITION]))
             columns.insert(states.index(POSITION), np.where(self.good, shifted, 0.0))
+        free, unknowns, known = self.free, len(x), None
+        if beside is not None:
+            columns += [np.where(self.good, each, 0.0) for each in beside.T]
+            known = np.r_[np.zeros(len(free)), np.ones(len(beside.T))]
+            free, unknowns = np.r_[free, unknowns + np.arange(len(beside.T))], unknowns + len(beside.T)
         every = np.stack([*columns, residual], axis=1)
         if LOOSE in states:
             self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
@@ -269,7 +280,7 @@ class LeastSquares:
         products = [w * (every[rows].T @ every[rows]) for w, rows in zip(weights, self.slices, strict=True)]
         table = Table(every, weights, self.slices)
         prior = (sizes / ranges)[states] ** 2
-        return Normal(np.array(products), states, sizes, self.free, len(x), table, prior)
+        return Normal(np.array(products), states, sizes, free, unknowns, table, prior, known)
 
     def _trials(
         self, x: Array, start: Array, states: list[int], sizes: Array, steps: Array

@@ -25,7 +25,8 @@ class Table:
 class Normal:
     """Weighted products of the columns, states first and residual last, of each window: shape (w, m, m).
 
-    `prior` is what is known of a step of each free state beforehand: its size over its range, squared.
+    `prior` is what is known of a step of each free state beforehand: its size over its range, squared;
+    `known` likewise of each searched number that is free, shape (p,).
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class Normal:
         unknowns: int,
         table: Table | None = None,
         prior: Array | None = None,
+        known: Array | None = None,
     ) -> None:
         self.products, self.states, self.sizes, self.table = products, states, sizes, table
         self.free, self.unknowns, self.count = free, unknowns, len(states)
@@ -47,6 +49,8 @@ class Normal:
         self.solved = self.inverse @ products[:, :n, n:]
         self.reduced = products[:, n:, n:] - np.swapaxes(products[:, :n, n:], 1, 2) @ self.solved
         self.total = self.reduced.sum(axis=0)
+        if known is not None:
+            self.total += np.diag(np.r_[known, 0.0])
 
     def curvature(self) -> Array:
         """Of all searched numbers, zero for those that are not free."""
@@ -82,11 +86,11 @@ class Normal:
         assert self.table is not None  # noqa: S101
         return self.table.slices
 
-    def pulls(self, long: float) -> Array:
+    def pulls(self, long: float, left: Array) -> Array:
         """What parts of the windows, of `long` rows or a window each, change the searched numbers by.
 
-        Weighted products with the residual, initial states eliminated: they add up to 0 where a fit has
-        ended. Shape (parts, p).
+        Weighted products with what is left, shape (n,), initial states eliminated: they add up to 0 where a
+        fit has ended. Shape (parts, p).
         """
         assert self.table is not None  # noqa: S101
         out = []
@@ -94,7 +98,7 @@ class Normal:
             columns = self.table.columns[rows]
             own = columns[:, self.count : -1] - columns[:, : self.count] @ solved[:, :-1]
             count = max(1, round(len(columns) / long))
-            out += [each.sum(axis=0) for each in np.array_split(weight * own * columns[:, -1:], count)]
+            out += [each.sum(axis=0) for each in np.array_split(weight * own * left[rows, None], count)]
         pulls = np.zeros((len(out), self.unknowns))
         pulls[:, self.free] = out
         return pulls

@@ -14,6 +14,7 @@ from seod.diagnose.fitting.backlash_jumps import contacts, jumps
 from seod.diagnose.fitting.least_squares import LeastSquares, least_square
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
+from seod.diagnose.fitting.slow_offset import half_waves, stepped
 from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.fitting import UNCERTAINTY
 from seod.identify.spread import correlation_time
@@ -32,29 +33,44 @@ def covariance(fitted: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
 
     And at least as wide as parts of the recordings pull each number to and fro: what bends one of them
-    slowly is not in the correlation. Of a coarse sensor's samples those count that lie outside their
-    interval, by their own error. A number that the samples do not show at all is known to lie within its
-    bounds.
+    slowly is not in the correlation. And beside an offset that moves slowly, where the noise may have one. Of
+    a coarse sensor's samples those count that lie outside their interval, by their own error. A number that
+    the samples do not show at all is known to lie within its bounds.
     """
     cut = fitted.cut
-    search = LeastSquares(fitted.model, cut, map, np.ones(len(fitted.x), np.bool_))
-    residual, error = search.tried(fitted.x, fitted.start)
-    parts = search.derivatives(fitted.x, fitted.start, residual, error)
+    parts, left = _linear(fitted)
     curvature = parts.curvature()
     if cut.coarse:
-        outside = max(int(np.count_nonzero(residual)), 1) / int(np.count_nonzero(cut.good))
+        outside = max(int(np.count_nonzero(left)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
-    inverse = _inverse(curvature, _by_bounds(fitted.model))
-    whitened = np.concatenate(
-        [residual[p] / math.sqrt(e + 1e-300) for p, e in zip(cut.slices, fitted.error, strict=True)]
-    )
-    out = np.asarray(inverse * max(1.0, correlation_time(whitened)))
-    wider = np.sqrt(np.maximum(1.0, _pulled(parts, inverse) / np.maximum(out.diagonal(), 1e-300)))
-    out *= np.outer(wider, wider)
+    searched, correlation = slice(len(fitted.x)), max(1.0, _correlation(fitted, left))
+    bounds = np.full(parts.unknowns, correlation - 1.0)  # of what is beside the model, known as well as it is
+    bounds[searched] = _by_bounds(fitted.model)
+    inverse = _inverse(curvature, bounds)
+    every = np.asarray(inverse * correlation)
+    wider = np.sqrt(np.maximum(1.0, _pulled(parts, inverse, left) / np.maximum(every.diagonal(), 1e-300)))
+    out = np.array((every * np.outer(wider, wider))[searched, searched])
     for k, coordinate in enumerate(fitted.model.coordinates):
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
     return out
+
+
+def _linear(fitted: Fitted) -> tuple[Normal, Array]:
+    """Normal equations beside what else is in the noise, and what is left without that, shape (n,)."""
+    search = LeastSquares(fitted.model, fitted.cut, map, np.ones(len(fitted.x), np.bool_))
+    residual, error = search.tried(fitted.x, fitted.start)
+    beside = half_waves(fitted.cut)
+    parts = search.derivatives(fitted.x, fitted.start, residual, error, beside)
+    if beside is None:
+        return parts, residual
+    return parts, residual - parts.along(*stepped(parts, search, fitted.x))
+
+
+def _correlation(fitted: Fitted, left: Array) -> float:
+    """Of how many rows what is left, shape (n,), counts as one."""
+    parts = zip(fitted.cut.slices, fitted.error, strict=True)
+    return float(correlation_time(np.concatenate([left[rows] / math.sqrt(e + 1e-300) for rows, e in parts])))
 
 
 def _inverse(curvature: Array, bounds: Array) -> Array:
@@ -71,15 +87,15 @@ def _inverse(curvature: Array, bounds: Array) -> Array:
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / size[:, None] / size)
 
 
-def _pulled(parts: Normal, inverse: Array) -> Array:
-    """Variance of each searched number by how parts of the recordings pull it to and fro; shape (p,).
+def _pulled(parts: Normal, inverse: Array, left: Array) -> Array:
+    """Variance of each searched number by how parts of what is left pull it to and fro; shape (p,).
 
     Liang and Zeger, Biometrika 73, 1986, with Student's t of as few parts: the largest of several lengths.
     """
     rows = sum(each.stop - each.start for each in parts.slices)
     out = np.zeros(parts.unknowns)
     for count in UNCERTAINTY.pulling_parts:
-        pulls = parts.pulls(rows / count) @ inverse
+        pulls = parts.pulls(rows / count, left) @ inverse
         free = len(pulls) - 1
         if free >= UNCERTAINTY.fewest_pulling:
             wider = float(t.ppf(UNCERTAINTY.upper_end, free) / SD_OF_95) ** 2 * len(pulls) / free

@@ -43,15 +43,16 @@ class Readings(NamedTuple):
 def readings(y: Array, good: Mask, step: float, noise: float, *, held: bool = False) -> Readings:
     """Samples `y`, shape (n,), of a sensor with this step; `noise` is the deviation from sample to sample.
 
-    A sensor that repeats its readings (`held`) passes steps between them, so that its counts do not tell the
-    noise: rounding is white noise then.
+    Where that is as large as rounding's, rounding is white noise: so it is of a movement that passes steps
+    from row to row, whose counts do not show how large the noise is. Nor do those of a sensor that repeats
+    its readings (`held`) and passes steps between them.
     """
     rounding = step / math.sqrt(12.0)
     turn = float(np.angle(np.mean(np.exp(2j * math.pi * y[good] / step)))) / (2.0 * math.pi)
     number = np.round(y / step - turn)
-    beneath = noise_beneath(number[good])
     passes = held and float(np.mean(np.abs(np.diff(number[good])))) > COARSE.passed_between
-    if passes or beneath > COARSE.white_above:
+    beneath = noise_beneath(number[good])
+    if passes or noise > COARSE.as_rounding * rounding or beneath > COARSE.white_above:
         least = max(noise, rounding)
         return Readings(y, 0.0, least, least, least)
     level, allowed = (

@@ -48,11 +48,13 @@ class Cut:
         series: Their recordings.
         windows: (series, first row, row after the last) of each, ascending within a series.
         memory: Of the noise, newest first: errors are what it does not foretell. Empty: they are as they are.
+        slow: Deviation of what else is in the noise, an offset that moves slowly [unit of y]; 0: nothing.
     """
 
     series: Sequence[Series]
     windows: tuple[tuple[int, int, int], ...]
     memory: tuple[float, ...] = ()
+    slow: float = 0.0
 
     @cached_property
     def sizes(self) -> Rows:
@@ -99,9 +101,9 @@ class Cut:
             good = np.concatenate([has_past(good[rows], len(self.memory)) for rows in self.slices])
         return _kept(good)
 
-    def remembering(self, memory: tuple[float, ...]) -> Cut:
+    def remembering(self, memory: tuple[float, ...], slow: float = 0.0) -> Cut:
         """The same windows, of which errors are what noise with this memory does not foretell."""
-        return replace(self, memory=memory)
+        return replace(self, memory=memory, slow=slow)
 
     def unforeseen(self, error: Array) -> Array:
         """Errors, end to end, less what the noise foretells of them."""

@@ -232,6 +232,19 @@ UNCERTAINTY: Final = Uncertainty()
 
 
 @dataclass(frozen=True, slots=True)
+class SlowOffset:
+    """An offset of the sensor that moves slowly."""
+
+    most: int = 4
+    """[half-waves] Of it over a recording. Chosen: two periods; what is quicker, windows show."""
+    part: float = 1.0
+    """[-] Of the noise's deviation that each half-wave may have. Chosen."""
+
+
+SLOW_OFFSET: Final = SlowOffset()
+
+
+@dataclass(frozen=True, slots=True)
 class WindowHalves:
     """Whether windows to fit and windows held out show the same."""
 
