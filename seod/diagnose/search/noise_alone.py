@@ -18,6 +18,7 @@ from seod.diagnose.causes.table import CAUSES, further_causes, remote
 from seod.diagnose.fitting.least_squares import weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.repeats import repeats
+from seod.diagnose.fitting.slow_offset import slow_part
 from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.noise_colour import NoiseColour
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask
     from seod.diagnose.search.screen import Screen
@@ -65,7 +67,7 @@ def nothing_promised(found: Fitted, screen: Screen) -> bool:
     if not left or at_limits(found):
         return False
     long, short = (
-        replace(found, cut=_remembering(cut, colour(left, longest).memory))
+        replace(found, cut=_remembering(cut, colour(left, longest)))
         for longest in (NOISE_COLOUR.longest, NOISE_COLOUR.longest[:1])
     )
     return not _promised(long, short, screen) and not _repeated(left, cut)
@@ -74,7 +76,7 @@ def nothing_promised(found: Fitted, screen: Screen) -> bool:
 def in_its_noise(found: Fitted) -> Cut:
     """The windows with the noise that a set leaves; as they are where it is white, or nobody can tell."""
     left = _left(found)
-    return _remembering(found.cut, colour(left).memory) if left else found.cut
+    return _remembering(found.cut, colour(left)) if left else found.cut
 
 
 def _left(found: Fitted) -> list[_Left]:
@@ -101,11 +103,11 @@ def _repeated(left: Sequence[_Left], cut: Cut) -> bool:
     return again is not None and again.significant
 
 
-def _remembering(cut: Cut, memory: tuple[float, ...]) -> Cut:
-    """The windows with noise of this memory, unless it has none, or too few rows have all of their past."""
-    if not memory:
+def _remembering(cut: Cut, noise: NoiseColour) -> Cut:
+    """The windows with this noise, unless it is white, or too few rows have all of their past."""
+    if not noise.memory:
         return cut
-    remembering = cut.remembering(memory)
+    remembering = cut.remembering(noise.memory, slow_part(noise, cut))
     if np.count_nonzero(remembering.good) < NOISE_ALONE.telling * np.count_nonzero(cut.good):
         return cut
     return remembering
