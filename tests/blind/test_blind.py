@@ -163,6 +163,13 @@ def test_a_line_that_makes_most_of_what_is_left_does_not_hide_in_its_past(tmp_pa
     assert outcome(case.kind, case.causes, told_of(case, tmp_path, effort="quick")) == "exact"
 
 
+def test_a_drift_of_one_number_alone_does_not_hide_in_the_past_of_a_multisine(tmp_path):
+    """An autoregression foretells a multisine that changes slowly: each of three numbers is asked alone."""
+    case = draw(100847, duration=12.0)
+    assert (case.causes, case.excitation) == (("parameter_drift",), "multisine")
+    assert outcome(case.kind, case.causes, told_of(case, tmp_path, effort="quick")) == "exact"
+
+
 def test_what_repeats_with_a_relay_is_no_noise_that_remembers(tmp_path):
     """Its harmonics are foretold by what was before."""
     case = draw(99788, duration=12.0)

@@ -29,3 +29,21 @@ def test_noise_that_remembers_makes_nothing_else_of_what_is_hidden(tmp_path, num
     output = "velocity" if case.rig.sees_speed else "position"
     told = diagnose([read(tmp_path / "run.csv")], (), Options(output, effort="quick")).as_json()
     assert outcome(case.kind, case.causes, how.forgiven(case.causes, told)) in {"exact", "within"}, told
+
+
+BENT = [
+    pytest.param(72231, "valve_deadband", "half_width", id="a slow offset of the sensor bends no number"),
+    pytest.param(72277, "position_ripple", "phase", id="a converter's steps hide no noise of several steps"),
+]
+
+
+@pytest.mark.parametrize(("number", "name", "of"), BENT)
+def test_intervals_hold_the_truth(tmp_path, number, name, of):
+    case = draw(number, duration=12.0)
+    how = rough(case)
+    write(make_rough_record(case, how), tmp_path / "run.csv")
+    told = diagnose([read(tmp_path / "run.csv")], (), Options("position", effort="quick")).as_json()
+    found = next(each for each in told["effects"] if each["name"] == name)["parameters"][of]
+    truth = how.converted(f"{name}.{of}", case.rig.effects[name][of], sees_speed=False)
+    assert found["ci95"][0] < truth < found["ci95"][1]
+    assert found["ci95"][1] - found["ci95"][0] < 0.6 * abs(truth)

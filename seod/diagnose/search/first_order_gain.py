@@ -14,6 +14,7 @@ import numpy as np
 
 from seod.diagnose.causes.table import CAUSES, begun_from
 from seod.diagnose.fitting.least_squares import LeastSquares, weighted
+from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
@@ -24,11 +25,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """One more effect: the model with it, where to begin, and what it may save of the log squared error."""
+    """One more effect: the model with it, where to begin, and what it may save of the log squared error.
+
+    `numbers` are how many of its numbers save that.
+    """
 
     model: Model
     x: Array
     saves: float
+    numbers: int
 
 
 class ParentResidual:
@@ -48,13 +53,13 @@ class ParentResidual:
         self.remaining = self._beyond(residual)
 
     def promise(self, name: str, start: Values) -> Promise:
-        """What an effect saves if its change from this start is the right one but for its size."""
+        """What an effect saves if its change from this start is the right one but for its sizes."""
         model, x, directions = self._directions(name, start)
         total = max(
             float(self.remaining @ self.remaining), 1e-300
         )  # nothing, where a coarse sensor says no more
         explained = float(np.sum((directions.T @ self.remaining) ** 2)) / total
-        return Promise(model, x, -math.log(max(1.0 - explained, 1e-12)))
+        return Promise(model, x, -math.log(max(1.0 - explained, 1e-12)), directions.shape[1])
 
     def without(self, name: str, start: Values) -> Array:
         """What remains without the part of it that the effect makes up; weighted, shape (n,)."""
@@ -69,9 +74,11 @@ class ParentResidual:
         """The model with an effect, where to begin, and orthonormal changes that the effect makes."""
         parent, model = self.parent, self.parent.model.with_effect(name)
         x = model.searched(begun_from(parent.model.values(parent.x), start))
+        values = model.values(x)
         changes = [self._change(model, x)]
         if CAUSES[name].wave is not None:
-            changes.append(self._change(model, model.searched(model.values(x) | {f"{name}.cosine": 0.0})))
+            changes.append(self._change(model, model.searched(values | {f"{name}.cosine": 0.0})))
+        changes += [self._change(model, model.searched(values | one)) for one in _sizes_alone(name, values)]
         return model, x, np.linalg.qr(np.stack(changes, axis=1))[0]
 
     def _change(self, model: Model, x: Array) -> Array:
@@ -82,3 +89,12 @@ class ParentResidual:
         """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
         weighted = np.clip(y * self.weight, -1e100, 1e100)
         return np.asarray(weighted - self.own @ (self.own.T @ weighted))
+
+
+def _sizes_alone(name: str, values: Values) -> list[Values]:
+    """Of an effect that has several sizes each one alone, as large as the largest."""
+    sizes = [place for place in (f"{name}.{of}" for of in EFFECTS[name].sizes) if place in values]
+    if len(sizes) < 2:
+        return []
+    largest = max(abs(values[place]) for place in sizes)
+    return [dict.fromkeys(sizes, 0.0) | {alone: largest} for alone in sizes]

@@ -126,10 +126,13 @@ def _promised(found: Fitted, short: Fitted, screen: Screen) -> bool:
         for start in effect_starts(found, name, screen.every)
         if not remote(start)
     ]
-    of_one = float(chi2.isf(NOISE_ALONE.chance / max(len(trials), 1), 1))
+    chance = NOISE_ALONE.chance / max(len(trials), 1)
     of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows[True]), 2))  # the largest of so many
     promises = screen.parallel(lambda one: (_waves(one[0]), ahead[_waves(one[0])].promise(*one)), trials)
-    if any(rows[wave] * one.saves > (of_wave if wave else of_one) for wave, one in promises):
+    if any(
+        rows[wave] * one.saves > (of_wave if wave else chi2.isf(chance, one.numbers))
+        for wave, one in promises
+    ):
         return True
     return _hides_in_memory(replace(found, cut=found.cut.remembering(())), trials, screen)
 

@@ -114,5 +114,5 @@ def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
             if far(start):
                 model = parent.model.with_effect(name)
                 x = model.searched(begun_from(parent.model.values(parent.x), start))
-                out.append(Promise(model, x, math.nan))
+                out.append(Promise(model, x, math.nan, 1))
     return out
