@@ -52,9 +52,12 @@ class ParentResidual:
         self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
         self.remaining = self._beyond(residual)
 
-    def promise(self, name: str, start: Values) -> Promise:
-        """What an effect saves if its change from this start is the right one but for its sizes."""
-        model, x, directions = self._directions(name, start)
+    def promise(self, name: str, start: Values, *, each_size: bool = False) -> Promise:
+        """What an effect saves if its change from this start is the right one but for its size.
+
+        Or but for `each_size`, of one that has several.
+        """
+        model, x, directions = self._directions(name, start, each_size=each_size)
         total = max(
             float(self.remaining @ self.remaining), 1e-300
         )  # nothing, where a coarse sensor says no more
@@ -63,14 +66,14 @@ class ParentResidual:
 
     def without(self, name: str, start: Values) -> Array:
         """What remains without the part of it that the effect makes up; weighted, shape (n,)."""
-        _, _, directions = self._directions(name, start)
+        _, _, directions = self._directions(name, start, each_size=True)
         return np.asarray(self.remaining - directions @ (directions.T @ self.remaining))
 
     def unweighted(self, remaining: Array) -> Array:
         """The same [unit of y]."""
         return np.asarray(remaining / self.weight)
 
-    def _directions(self, name: str, start: Values) -> tuple[Model, Array, Array]:
+    def _directions(self, name: str, start: Values, *, each_size: bool) -> tuple[Model, Array, Array]:
         """The model with an effect, where to begin, and orthonormal changes that the effect makes."""
         parent, model = self.parent, self.parent.model.with_effect(name)
         x = model.searched(begun_from(parent.model.values(parent.x), start))
@@ -78,7 +81,8 @@ class ParentResidual:
         changes = [self._change(model, x)]
         if CAUSES[name].wave is not None:
             changes.append(self._change(model, model.searched(values | {f"{name}.cosine": 0.0})))
-        changes += [self._change(model, model.searched(values | one)) for one in _sizes_alone(name, values)]
+        alone = _sizes_alone(name, values) if each_size else []
+        changes += [self._change(model, model.searched(values | one)) for one in alone]
         return model, x, np.linalg.qr(np.stack(changes, axis=1))[0]
 
     def _change(self, model: Model, x: Array) -> Array:

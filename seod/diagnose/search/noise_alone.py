@@ -128,7 +128,9 @@ def _promised(found: Fitted, short: Fitted, screen: Screen) -> bool:
     ]
     chance = NOISE_ALONE.chance / max(len(trials), 1)
     of_wave = float(chi2.isf(NOISE_ALONE.chance / (LINES.finer * rows[True]), 2))  # the largest of so many
-    promises = screen.parallel(lambda one: (_waves(one[0]), ahead[_waves(one[0])].promise(*one)), trials)
+    promises = screen.parallel(
+        lambda one: (_waves(one[0]), ahead[_waves(one[0])].promise(*one, each_size=True)), trials
+    )
     if any(
         rows[wave] * one.saves > (of_wave if wave else chi2.isf(chance, one.numbers))
         for wave, one in promises
