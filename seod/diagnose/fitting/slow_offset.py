@@ -35,8 +35,8 @@ def slow_part(noise: NoiseColour, cut: Cut) -> float:
     return SLOW_OFFSET.part * noise.sd if noise.memory and not cut.coarse else 0.0
 
 
-def half_waves(cut: Cut) -> Array | None:
-    """Of each recording, from a constant on, shape (n, k); None where the noise has no such part."""
+def half_waves(cut: Cut, first: int = 0) -> Array | None:
+    """Of each recording, from the `first` on, 0: a constant; shape (n, k). None where noise has none."""
     if cut.slow == 0.0:
         return None
     columns = []
@@ -44,7 +44,9 @@ def half_waves(cut: Cut) -> Array | None:
         one = cut.series[of]
         angle = math.pi * (cut.gathered("t") - one.t[0]) / (one.t[-1] - one.t[0])
         own = np.repeat([k == of for k, _, _ in cut.windows], cut.sizes)
-        columns += [cut.unforeseen(cut.slow * np.cos(k * angle) * own) for k in range(SLOW_OFFSET.most + 1)]
+        columns += [
+            cut.unforeseen(cut.slow * np.cos(k * angle) * own) for k in range(first, SLOW_OFFSET.most + 1)
+        ]
     return np.stack(columns, axis=1)
 
 

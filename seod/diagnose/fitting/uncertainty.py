@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm, t, ttest_1samp
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import GAPS
+from seod.diagnose.causes.table import CAUSES, GAPS
 from seod.diagnose.fitting.backlash_jumps import contacts, jumps
 from seod.diagnose.fitting.least_squares import LeastSquares, least_square
 from seod.diagnose.fitting.model import grouped
@@ -23,7 +23,6 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
-    from seod.diagnose.fitting.model import Model
     from seod.diagnose.fitting.normal_equations import Normal
     from seod.diagnose.result import Array
     from sim.effects import Parameter as EffectParameter
@@ -45,11 +44,12 @@ def covariance(fitted: Fitted) -> Array:
         curvature = np.asarray(outside * curvature)
     searched, correlation = slice(len(fitted.x)), max(1.0, _correlation(fitted, left))
     bounds = np.full(parts.unknowns, correlation - 1.0)  # of what is beside the model, known as well as it is
-    bounds[searched] = _by_bounds(fitted.model)
+    bounds[searched] = correlation * _by_bounds(fitted)
     inverse = _inverse(curvature, bounds)
     every = np.asarray(inverse * correlation)
-    wider = np.sqrt(np.maximum(1.0, _pulled(parts, inverse, left) / np.maximum(every.diagonal(), 1e-300)))
-    out = np.array((every * np.outer(wider, wider))[searched, searched])
+    pulled = (_pulled(parts, inverse, left) / np.maximum(every.diagonal(), 1e-300))[searched]
+    wider = np.sqrt(np.maximum(1.0, pulled))
+    out = np.asarray(every[searched, searched] * np.outer(wider, wider))
     for k, coordinate in enumerate(fitted.model.coordinates):
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
@@ -103,10 +103,17 @@ def _pulled(parts: Normal, inverse: Array, left: Array) -> Array:
     return out
 
 
-def _by_bounds(model: Model) -> Array:
-    """Curvature by each number's bounds, as if they were a standard deviation off; 0 where it is given."""
-    low, high = model.bounds
+def _by_bounds(fitted: Fitted) -> Array:
+    """Curvature by each number's bounds, as if they were a standard deviation off; 0 where it is given.
+
+    Of a wave's parts by its amplitude: where nothing tells its phase, both lie within that.
+    """
+    low, high = fitted.model.bounds
     wide = high - low
+    for wave in (name for name in fitted.model.names if CAUSES[name].wave is not None):
+        places = {f"{wave}.sine", f"{wave}.cosine"}
+        parts = [k for k, each in enumerate(fitted.model.coordinates) if each.place in places]
+        wide[parts] = np.minimum(wide[parts], max(2.0 * math.hypot(*fitted.x[parts]), 1e-300))
     return np.divide(1.0, wide**2, out=np.zeros_like(wide), where=wide > 0.0)
 
 

@@ -93,8 +93,13 @@ def _by_its_noise(best: Judged, held_out: Cut, screen: Screen) -> Judged:
 
 
 def _nothing_more(found: Fitted, wide: Cut, screen: Screen) -> bool:
-    """Whether nothing more is promised of windows, nor of whole recordings, which show what is slow."""
-    return nothing_promised(found, screen) and nothing_promised(refined(found, wide, screen), screen)
+    """Whether nothing more is promised of windows, nor of whole recordings.
+
+    These show what is slow, an offset of the sensor, too, which no cause is.
+    """
+    if not nothing_promised(found, screen):
+        return False
+    return nothing_promised(refined(found, wide, screen), screen, beside_slow=True)
 
 
 def _over_whole(

@@ -37,13 +37,16 @@ class Promise:
 
 
 class ParentResidual:
-    """What a parent leaves, and what its own parameters and initial states could still do about it."""
+    """What a parent leaves, and what its own parameters and initial states could still do about it.
 
-    def __init__(self, parent: Fitted) -> None:
+    Or what else may be in the readings `beside` it, shape (n, k).
+    """
+
+    def __init__(self, parent: Fitted, beside: Array | None = None) -> None:
         self.parent = parent
         search = LeastSquares(parent.model, parent.cut, map, np.ones(len(parent.x), np.bool_))
         residual, error = search.tried(parent.x, parent.start)
-        table = search.derivatives(parent.x, parent.start, residual, error).table
+        table = search.derivatives(parent.x, parent.start, residual, error, beside).table
         assert table is not None  # noqa: S101 - a search has one
         self.good, self.residual = search.good, residual
         self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))

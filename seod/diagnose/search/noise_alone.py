@@ -18,7 +18,7 @@ from seod.diagnose.causes.table import CAUSES, further_causes, remote
 from seod.diagnose.fitting.least_squares import weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.repeats import repeats
-from seod.diagnose.fitting.slow_offset import slow_part
+from seod.diagnose.fitting.slow_offset import half_waves, slow_part
 from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
@@ -57,9 +57,10 @@ def noise_alone(found: Fitted, screen: Screen) -> bool:
     return found.cut is screen.every or nothing_promised(refined(found, screen.every, screen), screen)
 
 
-def nothing_promised(found: Fitted, screen: Screen) -> bool:
+def nothing_promised(found: Fitted, screen: Screen, *, beside_slow: bool = False) -> bool:
     """Whether no further effect promises to save more of what is left than chance would, and nothing repeats.
 
+    Or, `beside_slow`, more than an offset of the sensor that moves slowly would.
     Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most. And a
     plant at an end of its range is none that leaves noise.
     """
@@ -70,7 +71,10 @@ def nothing_promised(found: Fitted, screen: Screen) -> bool:
         replace(found, cut=_remembering(cut, colour(left, longest)))
         for longest in (NOISE_COLOUR.longest, NOISE_COLOUR.longest[:1])
     )
-    return not _promised(long, short, screen) and not _repeated(left, cut)
+    ahead, near = (
+        ParentResidual(one, half_waves(one.cut, first=1) if beside_slow else None) for one in (long, short)
+    )
+    return not _promised(ahead, near, screen) and not _repeated(left, cut)
 
 
 def in_its_noise(found: Fitted) -> Cut:
@@ -113,13 +117,13 @@ def _remembering(cut: Cut, noise: NoiseColour) -> Cut:
     return remembering
 
 
-def _promised(found: Fitted, short: Fitted, screen: Screen) -> bool:
+def _promised(long: ParentResidual, short: ParentResidual, screen: Screen) -> bool:
     """Whether an effect more promises to save more than chance would of one of so many.
 
-    `short` is the set with noise of a short memory: a long one would foretell a wave.
+    `short` is what a set leaves by noise of a short memory: a long one would foretell a wave.
     """
-    ahead = {False: ParentResidual(found), True: ParentResidual(short)}
-    rows = {wave: np.count_nonzero(one.cut.good) for wave, one in ((False, found), (True, short))}
+    found, ahead = long.parent, {False: long, True: short}
+    rows = {wave: np.count_nonzero(one.good) for wave, one in ahead.items()}
     trials = [
         (name, start)
         for name in further_causes(found.model.scales, found.model.names)
