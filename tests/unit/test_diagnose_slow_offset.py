@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
+from seod.diagnose.fitting import slow_offset
 from seod.diagnose.fitting.free_run import whole_series
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -87,6 +88,16 @@ def test_an_offset_that_moves_slowly_is_in_the_intervals():
 def test_without_it_numbers_are_bent_by_many_deviations():
     z = [off(disturbed(periods, seed), slow=False)[0] for seed, periods in enumerate(PERIODS * 3)]
     assert np.sqrt(np.mean(np.square(z))) > 3.0
+
+
+def test_a_step_that_a_simulation_does_not_follow_in_proportion_is_not_taken(monkeypatch):
+    y = disturbed(0.7, 3)
+    taken = off(y, slow=True)
+    monkeypatch.setattr(slow_offset, "SLOW_OFFSET", replace(slow_offset.SLOW_OFFSET, astray=0.0))
+    left = off(y, slow=True)
+    assert left[0] * left[1] == pytest.approx(off(y, slow=False)[0] * off(y, slow=False)[1])
+    assert left[0] != taken[0]
+    assert left[1] == pytest.approx(taken[1], rel=0.1)
 
 
 def test_white_noise_has_no_such_part_nor_have_errors_that_rounding_hides():

@@ -53,7 +53,8 @@ def half_waves(cut: Cut, first: int = 0) -> Array | None:
 def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:
     """The same set with the numbers that it has beside such an offset.
 
-    One step: the offset is in the noise, so that it changes them by little.
+    One step: the offset is in the noise, so that it changes them by little. Where the simulation does not
+    follow it in proportion they stay as they are.
     """
     beside = half_waves(fitted.cut)
     if beside is None:
@@ -62,8 +63,13 @@ def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:
     residual, error = search.tried(fitted.x, fitted.start)
     parts = search.derivatives(fitted.x, fitted.start, residual, error, beside)
     step, states = stepped(parts, search, fitted.x)
-    x, start = fitted.x + step[: len(fitted.x)], fitted.start + states
-    return replace(fitted, x=x, start=start, error=search.tried(x, start)[1])
+    step[len(fitted.x) :] = 0.0  # the offset itself is no part of the model
+    x = fitted.x + step[: len(fitted.x)]
+    start, moved, new = search.moved(x, fitted.start, states, 1.0)
+    astray = np.where(search.good, moved - residual + parts.along(step, states), 0.0)
+    if float(astray @ astray) > SLOW_OFFSET.astray * float(residual[search.good] @ residual[search.good]):
+        return fitted
+    return replace(fitted, x=x, start=start, error=new)
 
 
 def stepped(parts: Normal, search: LeastSquares, x: Array) -> tuple[Array, Array]:

@@ -239,6 +239,9 @@ class SlowOffset:
     """[half-waves] Of it over a recording. Chosen: two periods; what is quicker, windows show."""
     part: float = 1.0
     """[-] Of the noise's deviation that each half-wave may have. Chosen."""
+    astray: float = 0.1
+    """[-] Squared change of a simulation that is not in proportion to a step, over what is left, beyond which
+    the step is not taken. Chosen."""
 
 
 SLOW_OFFSET: Final = SlowOffset()
