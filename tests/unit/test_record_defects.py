@@ -186,6 +186,16 @@ def test_counts_are_found_before_or_after_noise(step, offset, before):
     assert found.sd < 0.01 * step
 
 
+@pytest.mark.parametrize("step", [0.05, 0.0613, 0.0777])
+def test_a_step_behind_a_converter_is_as_sure_as_its_levels_lie_in_line(step):
+    """The converter rounds each level to its own, finer step."""
+    finer = 0.00137
+    y = finer * np.round(step * np.round(movement(T) / step) / finer)
+    found = counts(y, 0.0)
+    assert abs(found.step - step) < 3.0 * found.sd
+    assert found.sd < 0.01 * step
+
+
 def test_a_steep_ripple_gathers_readings_but_is_no_step_of_a_sensor():
     load = 3.0 * movement(T)
     y = load + 0.17 * np.sin(11.0 * load) + np.random.default_rng(1).normal(0.0, 0.2 * NOISE, len(T))

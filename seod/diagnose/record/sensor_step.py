@@ -26,28 +26,32 @@ def counts(y: Array, noise: float) -> Counts:
     if len(levels) < STEP.fewest_levels:
         return Counts()
     exact = _whole_counts(levels, len(y))
-    if exact > 0.0:
-        seen = exact > STEP.exact_above * noise
-        return Counts(exact, STEP.exact * exact / len(levels)) if seen else Counts()
+    if exact.step > 0.0:
+        return exact if exact.step > STEP.exact_above * noise else Counts()
     return _gathered(y, noise)
 
 
-def _whole_counts(levels: Array, n: int) -> float:
+def _whole_counts(levels: Array, n: int) -> Counts:
     """The distance of which all distances of levels are multiples; 0 where there is none.
 
-    Readings without a step seldom repeat: then there are nearly as many levels as readings.
+    Readings without a step seldom repeat: then there are nearly as many levels as readings. Levels that a
+    converter has rounded lie off their multiples, neighbours alike: all together tell the step as one would.
     """
     if len(levels) > STEP.few_levels * n:
-        return 0.0
+        return Counts()
     distances = np.diff(levels)
     apart = distances > STEP.same_level * float(np.ptp(levels))
     step = float(np.min(distances[apart], initial=math.inf))
     if not math.isfinite(step):
-        return 0.0
+        return Counts()
     numbers = distances / step
     if float(np.max(np.abs(numbers - np.round(numbers)))) > STEP.off_multiple:
-        return 0.0
-    return float(np.ptp(levels) / np.sum(np.round(numbers)))
+        return Counts()
+    number = np.concatenate([[0.0], np.cumsum(np.round(numbers))])
+    line = np.polynomial.Polynomial.fit(number, levels, 1)
+    step, off = float(line.convert().coef[1]), float(np.std(levels - line(number)))
+    least = STEP.exact * step / len(levels)
+    return Counts(step, max(least, off / float(np.std(number))))
 
 
 def _gathered(y: Array, noise: float) -> Counts:
