@@ -16,6 +16,9 @@ HIDDEN = [
     pytest.param(72214, ("load_bias",), id="nor is a load beside it a spring of any stiffness"),
     pytest.param(72204, ("valve_lag",), id="which of two lags it is such noise does not tell"),
     pytest.param(72231, ("valve_deadband",), id="a deadband is no bent map"),
+    pytest.param(
+        72338, ("static_valve_map",), id="a map of unsure parts is no deadband that simulates far worse"
+    ),
     pytest.param(72311, ("position_ripple",), id="a wave whose phase nothing tells still has a size"),
     pytest.param(
         72319, ("pressure_dependent_stiffness",), id="over a whole recording a slow offset is no cause"

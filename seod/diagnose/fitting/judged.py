@@ -43,5 +43,14 @@ def known_states(fitted: Fitted, cut: Cut) -> list[Array]:
 
 def gain(fewer: Judged, more: Judged) -> float:
     """Of mean log squared error, where it is least: fitted, or held out, where half of it is enough."""
-    held = fewer.held.log_error - more.held.log_error
-    return min(fewer.found.cost - more.found.cost, 2.0 * held)
+    fitted, held = _gains(fewer, more)
+    return min(fitted, 2.0 * held)
+
+
+def mean_gain(fewer: Judged, more: Judged) -> float:
+    """The same, in the mean of windows that were fitted and windows held out."""
+    return 0.5 * sum(_gains(fewer, more))
+
+
+def _gains(fewer: Judged, more: Judged) -> tuple[float, float]:
+    return fewer.found.cost - more.found.cost, fewer.held.log_error - more.held.log_error

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, further_causes
 from seod.diagnose.fitting.initial_states import begun_states
-from seod.diagnose.fitting.judged import Judged, gain
+from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, reaches_null
 from seod.diagnose.search.refine import refined
@@ -33,9 +33,9 @@ def plainer(own: Judged, held_out: Cut, screen: Screen, enough: float) -> Judged
     for rich in own.found.model.names:
         simpler = [Judged.of(one, held_out) for one in _plainly(own.found, rich, screen)]
         if simpler:
-            needed = PRUNE.surely if _may_be_none(own, rich, covariance(own.found)) else enough
             nearest = min(simpler, key=lambda one: gain(one, own))
-            own = nearest if gain(nearest, own) < needed else own
+            unsure = _may_be_none(own, rich, covariance(own.found)) and not _much(nearest, own)
+            own = nearest if unsure or gain(nearest, own) < enough else own
     return own
 
 
@@ -118,8 +118,16 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list
         one
         for name, one in rest.items()
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
-        or (gain(one, own) < PRUNE.surely and _may_be_none(own, name, spread))
+        or (_may_be_none(own, name, spread) and not _much(one, own))
     ]
+
+
+def _much(fewer: Judged, more: Judged) -> bool:
+    """Whether an effect saves so much that its size is not none, whatever its interval says.
+
+    Where it saves least, or in the mean: of what noise that remembers does not foretell, a fit saves little.
+    """
+    return max(gain(fewer, more), mean_gain(fewer, more)) >= PRUNE.surely
 
 
 def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
