@@ -81,11 +81,10 @@ class ParentResidual:
         parent, model = self.parent, self.parent.model.with_effect(name)
         x = model.searched(begun_from(parent.model.values(parent.x), start))
         values = model.values(x)
-        changes = [self._change(model, x)]
+        changed = (_sizes_alone(name, values) if each_size else []) or [{}]
         if CAUSES[name].wave is not None:
-            changes.append(self._change(model, model.searched(values | {f"{name}.cosine": 0.0})))
-        alone = _sizes_alone(name, values) if each_size else []
-        changes += [self._change(model, model.searched(values | one)) for one in alone]
+            changed.append({f"{name}.cosine": 0.0})
+        changes = [self._change(model, model.searched(values | one)) for one in changed]
         return model, x, np.linalg.qr(np.stack(changes, axis=1))[0]
 
     def _change(self, model: Model, x: Array) -> Array:
