@@ -153,3 +153,7 @@ class Bench:
     def close(self) -> None:
         self.driver.close()
         self.shared.close()
+
+
+def axis(**changes: Any) -> dict[str, Any]:
+    return {"axes": {"motor": changes}}
