@@ -1,29 +1,27 @@
 """A CAN bus with this computer's interface on one end and a rig on the other, on simulated time.
 
 Frames travel one after the other, lowest identifier first. The interface has a queue, can be down, gone, off
-the bus or cut off. The rig is a plant of its own (Eq. 1, exactly stepped); its amplifier has a watchdog.
+the bus or cut off.
 """
 
 from __future__ import annotations
 
 import errno
-import math
 import socket
 import struct
 from collections import deque
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from drivers import can_counters as count
+from tests.dst.frames import ENCODER, SUPPLY, VALVE, Valve, sensed
 from tests.dst.shells import Shell
 from tests.dst.world import End
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from random import Random
 
     from tests.dst.world import Process, World
 
-ENCODER, SUPPLY, VALVE = 257, 258, 513
 FRAME = struct.Struct("=IB3x8s")
 ERR_FLAG = 0x20000000
 CONFIRM, LOCAL = int(socket.MSG_CONFIRM), int(socket.MSG_DONTROUTE)
@@ -41,63 +39,6 @@ COUNTED = (
     count.WRONG_LENGTH,
 )
 """Each frame of the sensors that is taken is in one of these."""
-VOLTS = 0.0005
-STOPS, BACK = 1.5, 0.8
-"""Where the load cannot go on, and from where it is put back [rad]."""
-
-
-def crc8(data: bytes) -> int:
-    """CRC-8 of SAE J1850, bit by bit."""
-    crc = 0xFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x1D) & 0xFF if crc & 0x80 else crc << 1 & 0xFF
-    return crc ^ 0xFF
-
-
-CRC = bytes(crc8(bytes([byte])) ^ 0xFF for byte in range(256))
-"""State after one byte, from 0xFF on, by that byte: the table is made of the definition."""
-
-
-def checksum(data: bytes) -> int:
-    """As `crc8`, by a table."""
-    crc = 0xFF
-    for byte in data:
-        crc = CRC[crc ^ byte ^ 0xFF]
-    return crc ^ 0xFF
-
-
-def encoder_frame(angle: float, run: bool, counter: int) -> bytes:
-    """Data of message 257: angle [1e-6 rad], run enable, counter, checksum."""
-    head = struct.pack("<iBBB", round(angle * 1e6), run, counter & 0xFF, 0)
-    return head + bytes([checksum(head)])
-
-
-def supply_frame(counter: int) -> bytes:
-    """Data of message 258: 7 MPa, 40 degC."""
-    return struct.pack("<HbB", 7000, 40, counter & 0xF)
-
-
-def valve_frame(volts: float, counter: int) -> bytes:
-    """Data of message 513."""
-    head = struct.pack("<hB", round(volts / VOLTS), counter & 0xF)
-    return head + bytes([checksum(head)])
-
-
-def sensed(data: bytes) -> tuple[bool, bool, int]:
-    """Run enable of an encoder frame, whether it is sound, and its counter."""
-    return bool(data[4] & 1), data[7] == checksum(data[:7]), data[5]
-
-
-class Valve:
-    """A command, understood; `sound` where it is not damaged."""
-
-    def __init__(self, data: bytes) -> None:
-        raw, counter = struct.unpack_from("<hB", data)
-        self.volts = raw * VOLTS
-        self.counter = counter & 0xF
-        self.sound = len(data) == 4 and data[3] == checksum(data[:3])
 
 
 class CanSocket(End):
@@ -360,130 +301,3 @@ class Bus:
     def _error_frame(self, classes: int, data: bytes) -> None:
         for each in list(self.sockets):
             each.deliver(FRAME.pack(ERR_FLAG | classes, 8, data), ERR_FLAG | classes, 0)
-
-
-class Plant:
-    """Eq. 1 from volts to speed, and its integral; exact steps."""
-
-    K_L, OMEGA, ZETA = 17.0, 20.0, 0.3
-
-    def __init__(self, t: float) -> None:
-        self.t, self.u = t, 0.0
-        self.position = self.speed = self.slope = 0.0
-
-    def advance(self, t: float) -> None:
-        """To `t` [s] under the command in force."""
-        dt = t - self.t
-        if dt <= 0.0:
-            return
-        self.t = t
-        w, z, final = self.OMEGA, self.ZETA, self.K_L * self.u
-        damped, decay = w * math.sqrt(1.0 - z * z), math.exp(-z * w * dt)
-        cos, sin = math.cos(damped * dt), math.sin(damped * dt)
-        e, de = self.speed - final, self.slope
-        b = (de + z * w * e) / damped
-        e_new = decay * (e * cos + b * sin)
-        de_new = decay * (de * cos - (w * w * e + z * w * de) / damped * sin)
-        # w^2 times the integral of e is -(de' + 2 z w e) between the ends
-        self.position += final * dt - ((de_new - de) + 2.0 * z * w * (e_new - e)) / (w * w)
-        self.speed, self.slope = e_new + final, de_new
-
-
-class Rig:
-    """Sensors and amplifier on the other end.
-
-    Attributes:
-        volts: What the amplifier puts out.
-        run: The emergency stop chain is closed.
-        silent, frozen, corrupt: Of the encoder's frames, while a fault holds.
-        loss: Part of the encoder's frames that never come; likewise `twice`, `swap`.
-        delay: They come so much later [s].
-        offset: Added to the encoder's angle [rad].
-        nan: The angle is no number; of a board alone.
-        instead: What stands in the angle's place: "" nothing, "still" another axis that stands at 0, and
-            of a board alone "pressure".
-        on_volts: Told when the output changes.
-    """
-
-    def __init__(self, world: World, bus: Bus, rng: Random, rate_hz: float, watchdog_s: float) -> None:
-        self.world, self.bus, self.rng = world, bus, rng
-        self.period, self.watchdog = 1.0 / rate_hz, watchdog_s
-        self.plant = Plant(world.now)
-        self.volts = 0.0
-        self.run = True
-        self.silent = self.frozen = self.corrupt = self.nan = False
-        self.instead = ""
-        self.loss = self.twice = self.swap = 0.0
-        self.delay = self.offset = 0.0
-        self.noise = 2e-4
-        self.last: Valve | None = None
-        self.heard_at = -math.inf
-        self.sensor_log: Callable[[float, float, bool], None] = lambda *_: None
-        self._counter = self._supply = 0
-        self._held: bytes | None = None
-        self._away_since = math.inf
-        self._angle = 0.0
-        self._next = world.now
-        bus.on_arrival = self.command
-        self._turn()
-
-    def _turn(self) -> None:
-        self.plant.advance(self.world.now)
-        if self.volts != 0.0 and self.world.now - self.heard_at > self.watchdog:
-            self._set(0.0)
-        self._put_back()
-        if not self.frozen:
-            shown = 0.0 if self.instead == "still" else self.plant.position + self.offset
-            self._angle = shown + self.rng.gauss(0.0, self.noise)
-        self._publish()
-        self._next += self.period
-        self.world.at(self._next, self._turn)
-
-    def _publish(self) -> None:
-        data = encoder_frame(self._angle, self.run, self._counter)
-        self._counter += 1
-        if self._counter % 10 == 0:
-            self.bus.put(SUPPLY, supply_frame(self._supply))
-            self._supply += 1
-        self._send(bytes([data[0] ^ 1]) + data[1:] if self.corrupt else data)
-
-    def _put_back(self) -> None:
-        """Somebody puts a load that stands out of its travel back to the middle."""
-        plant = self.plant
-        if not -STOPS <= plant.position <= STOPS:
-            plant.position = math.copysign(STOPS, plant.position)
-        if abs(plant.position) < BACK or self.volts != 0.0:
-            self._away_since = self.world.now
-        elif self.world.now - self._away_since > 0.5:
-            plant.position = 0.0
-
-    def _send(self, data: bytes) -> None:
-        if self.silent or (self.loss and self.rng.random() < self.loss):
-            return
-        if self._held is not None:
-            self.bus.put(ENCODER, data)
-            data, self._held = self._held, None
-        elif self.swap and self.rng.random() < self.swap:
-            self._held = data
-            return
-        if self.delay:
-            self.world.at(self.world.now + self.delay, lambda: self.bus.put(ENCODER, data))
-        else:
-            self.bus.put(ENCODER, data)
-        if self.twice and self.rng.random() < self.twice:
-            self.bus.put(ENCODER, data)
-
-    def command(self, data: bytes) -> None:
-        """A command arrives; one that is damaged, or whose counter does not go on, is not obeyed."""
-        valve = Valve(data)
-        if not valve.sound:
-            return
-        if self.last is not None and not 0 < (valve.counter - self.last.counter) % 16 <= 8:
-            return
-        self.last, self.heard_at = valve, self.world.now
-        self._set(valve.volts)
-
-    def _set(self, volts: float) -> None:
-        if volts != self.volts:
-            self.plant.advance(self.world.now)
-            self.volts = self.plant.u = volts

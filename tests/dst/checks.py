@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from seod.loop.guard import SUPERVISOR_SILENT_S
 from seod.processes.ring import AxisState, Word
-from tests.dst.bus import VOLTS
+from tests.dst.frames import VOLTS
 
 if TYPE_CHECKING:
-    from tests.dst.bus import CanSocket, Rig, Valve
+    from tests.dst.bus import CanSocket
     from tests.dst.exchange import System
+    from tests.dst.frames import Valve
     from tests.dst.line import Command, Port
+    from tests.dst.rig import Rig
     from tests.dst.world import Process, World
 
 SUPERVISOR_S = 0.020

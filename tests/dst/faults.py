@@ -10,8 +10,8 @@ import signal
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tests.dst.bus import valve_frame
 from tests.dst.clients import Client
+from tests.dst.frames import valve_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import serial
 
 from drivers import serial_counters as count
-from tests.dst.bus import VOLTS, Rig
+from tests.dst.frames import VOLTS
+from tests.dst.rig import Rig
 from tests.dst.shells import Shell
 from tests.dst.world import End
 

@@ -21,12 +21,12 @@ from seod.config.load import load_rig
 from seod.launch.daemon import ring_rows
 from seod.processes.handover import write_memfd
 from seod.supervisor.arguments import SupervisorArguments
-from tests.dst.bus import Rig
 from tests.dst.checks import Checks
 from tests.dst.clients import Client, Operator, Watcher
 from tests.dst.exchange import FIFO, Once, System, exchanged
 from tests.dst.faults import KINDS, Fault, drawn
 from tests.dst.line import Board
+from tests.dst.rig import Rig
 from tests.dst.variety import variety
 from tests.dst.world import INJECTED, START_S, Dead, World
 

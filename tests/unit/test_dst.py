@@ -18,12 +18,12 @@ from drivers.serial_frame import encode
 from drivers.serial_inputs import SerialInputs
 from seod.loop.guard import AxisGuard
 from seod.loop.tick import Loop
-from tests.dst.bus import Plant
 from tests.dst.checks import Checks
 from tests.dst.clients import Operator
 from tests.dst.exchange import System
 from tests.dst.faults import Fault
 from tests.dst.line import Stream, frame, stuffed, unstuffed
+from tests.dst.rig import Plant
 from tests.dst.run import faults_of, rig_config, run
 from tests.dst.shrink import shrunk
 from tests.dst.world import World
