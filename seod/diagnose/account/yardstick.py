@@ -71,15 +71,22 @@ def beaten(
     pairs = [*held_out, *_pairs(seen, other.foretold)]
     count = math.ceil(SYSTEMATIC.segments / len(held.cut.slices))
 
-    def compared_through(made: Callable[[Array], Array], some: Sequence[Pair]) -> Share:
+    def compared_through(made: Callable[[Array], Array], some: Sequence[Pair], count: int) -> Share:
         before, after = [made(one.own) ** 2 for one in some], [made(one.other) ** 2 for one in some]
         return compared(before, after, [one.scored for one in some], count)
 
     past = [one._replace(scored=noise.has_past(one.scored)) for one in pairs]
-    own = compared_through(lambda x: x, held_out)
-    nearer, shown = compared_through(lambda x: x, pairs), compared_through(noise.whitened, past)
+    apart = _parts_apart(pairs, noise, count)
+    own = compared_through(lambda x: x, held_out, apart)
+    nearer, shown = compared_through(lambda x: x, pairs, apart), compared_through(noise.whitened, past, count)
     least = nearer if not in_loop else shown if predicted else fewer_shown(nearer, shown)
     return replace(own, score=least.score, limit=least.limit)
+
+
+def _parts_apart(pairs: Sequence[Pair], noise: NoiseColour, most: int) -> int:
+    """Into how many parts a window goes, each as long as the noise remembers, or longer: as if independent."""
+    rows = sum(len(one.own) for one in pairs) / max(len(pairs), 1)
+    return min(most, max(1, int(rows / noise.correlation)))
 
 
 class Pair(NamedTuple):
