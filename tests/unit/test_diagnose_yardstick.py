@@ -9,9 +9,9 @@ from diagnose_truth import RATE, recording
 from scipy.signal import lfilter
 
 from seod.diagnose.account.loop import answers
-from seod.diagnose.account.yardstick import beaten, yardstick
+from seod.diagnose.account.yardstick import Reached, beaten, yardstick
 from seod.diagnose.fitting.held_out import HeldOut
-from seod.diagnose.fitting.noise_colour import WHITE
+from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 
@@ -131,6 +131,22 @@ def test_noise_of_any_colour_is_not_systematic(memory):
         noise = lfilter([1.0], [1.0, -memory], white)[3000:]
         y = right + 0.1 * np.std(right) / np.std(noise) * noise
         assert not nearer(u, y, right, in_loop=False).significant
+
+
+def test_slow_noise_of_two_models_brings_neither_nearer():
+    """Errors as large, that remember for a second: parts of a window are alike."""
+    u, slow, count = command(), NoiseColour((0.999,), 1.0, 2000.0), 0
+    y = moved(u)[2]
+    to_fit, held_out = halves(u, y, noise=0.0)
+    for seed in range(200):
+        white = np.random.default_rng([5, seed]).normal(size=(2, N + 3000))
+        one, other = y + lfilter([1.0], [1.0, -0.999], white)[:, 3000:]
+        seen, held = by_a_plant(to_fit, one), by_a_plant(held_out, one)
+        reached = Reached(
+            1.0, 1.0, by_a_plant(held_out, other).simulated, by_a_plant(to_fit, other).simulated
+        )
+        count += beaten(seen, held, reached, slow, in_loop=False).significant
+    assert count <= 3
 
 
 def test_commands_of_a_loop_answer_to_what_was_not_foretold():

@@ -84,7 +84,7 @@ def beaten(
 
 
 def _parts_apart(pairs: Sequence[Pair], noise: NoiseColour, most: int) -> int:
-    """Into how many parts a window goes, each as long as the noise remembers, or longer: as if independent."""
+    """Into how many parts a window goes, each as long as the noise remembers or longer: independent."""
     rows = sum(len(one.own) for one in pairs) / max(len(pairs), 1)
     return min(most, max(1, int(rows / noise.correlation)))
 
