@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 from scipy.stats import t as student
 
-from seod.diagnose.account.residual import compared, mean_square
+from seod.diagnose.account.residual import compared, fewer_shown, mean_square
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
@@ -63,10 +63,11 @@ def foretold(
     What chance shows is known by noises of the same colour, foretold likewise. The same is asked of the
     residual with a known part added to it, of several shapes, sizes and signs.
     For noise all that is left is taken, then the rest of it: the one by which more shows counts.
+    In a loop commands answer within half a period: there it has to show one row ahead, too.
     """
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
-    how = _How(swept, SYSTEMATIC.chance_in_loop if in_loop else SYSTEMATIC.chance)
+    how = _How(swept, in_loop)
     first = _foretold(parts, plant, _usable(colour(parts), parts), how)
     if mean_square(first.rest) >= mean_square(parts):
         return first
@@ -84,11 +85,16 @@ class _How(NamedTuple):
 
     Attributes:
         swept: Of a sweep.
-        chance: Probability with which noise alone may pass.
+        in_loop: Commands answer to what disturbs the load.
     """
 
     swept: bool
-    chance: float
+    in_loop: bool
+
+    @property
+    def chance(self) -> float:
+        """Probability with which noise alone may pass."""
+        return SYSTEMATIC.chance_in_loop if self.in_loop else SYSTEMATIC.chance
 
 
 def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, how: _How) -> Foretold:
@@ -102,6 +108,7 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
     weights = _weights(products, asked.targets)
     plain: list[Errors] = []
     ahead: list[Errors] = []
+    next_row: list[Errors] = []
     for w, one in enumerate(parts):
         by_others = [(each.rows, weights[p]) for p, each in enumerate(folds) if each.window == w]
         white = _columns(one, plant, sizes, asked.beside(w), noise)
@@ -109,8 +116,13 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         later = noise.ahead_of_white(known, horizon(one, plant))
         plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
         ahead.append(_before_and_after(later, by_others))
+        next_row.append(_before_and_after(known, by_others))
     count = _segments(parts, plant)
-    own, *others = _shares(ahead, range(len(asked.added)), count, how.chance)
+    shares = _shares(ahead, len(asked.added), count, how.chance)
+    if how.in_loop:
+        pairs = zip(shares, _shares(next_row, len(asked.added), count, how.chance), strict=True)
+        shares = [fewer_shown(*pair) for pair in pairs]
+    own, *others = shares
     asked_of = [w for w, one in enumerate(parts) if one.held_out]
     found = _saved([ahead[w] for w in asked_of], 0, count)
     found = _of_all(found, [ahead[w] for w in asked_of], [plain[w] for w in asked_of])
@@ -182,11 +194,12 @@ def _segments(parts: Sequence[WindowResidual], plant: Plant) -> int:
     return int(min(max(1.0, longest), math.ceil(SYSTEMATIC.segments / len(parts))))
 
 
-def _shares(of: Sequence[Errors], which: Sequence[int], count: int, chance: float) -> list[Share]:
+def _shares(of: Sequence[Errors], asked: int, count: int, chance: float) -> list[Share]:
     """Whether residuals are foretold better than noises of the same colour, which come last, would be."""
     last = len(of[0].before)
     noises = [_saved(of, k, count).score for k in range(last - BLACK_BOX.noises, last)]
-    return [replace(_saved(of, k, count), limit=_limit(np.array(noises), chance)) for k in which]
+    limit = _limit(np.array(noises), chance)
+    return [replace(_saved(of, k, count), limit=limit) for k in range(asked)]
 
 
 def _limit(scores: Array, chance: float) -> float:
