@@ -133,6 +133,7 @@ def test_noise_of_any_colour_is_not_systematic(memory):
         assert not nearer(u, y, right, in_loop=False).significant
 
 
+@pytest.mark.slow
 def test_slow_noise_of_two_models_brings_neither_nearer():
     """Errors as large, that remember for a second: parts of a window are alike."""
     u, slow, count = command(), NoiseColour((0.999,), 1.0, 2000.0), 0
