@@ -116,7 +116,8 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         later = noise.ahead_of_white(known, horizon(one, plant))
         plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
         ahead.append(_before_and_after(later, by_others))
-        next_row.append(_before_and_after(known, by_others))
+        if how.in_loop:
+            next_row.append(_before_and_after(known, by_others))
     count = _segments(parts, plant)
     shares = _shares(ahead, len(asked.added), count, how.chance)
     if how.in_loop:

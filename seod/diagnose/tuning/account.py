@@ -150,8 +150,8 @@ class Prediction:
     """[rows] Between a reading and a command that may answer to it. Chosen."""
     as_far: float = 1.2
     """[-] Error of its simulation where no fit has seen, over that of a fit of the simulation, at most: both
-    come to the plant where noise alone is left. Measured: 1.00 to 1.05 under gusts, 1.10 and 1.11 where these
-    make half of the movement."""
+    come to the plant where noise alone is left. Measured: 1.00 to 1.05 under gusts, 1.11 and 1.10 where these
+    make 14 and 45 % of the movement."""
     given_up: float = 2.5
     """[-] The same over that of the set that was chosen, at most: effects that only a loop made may go.
     Measured: 1.0 to 2.0 under gusts, over 5 where friction was real (a positioning drive whose sensor has
