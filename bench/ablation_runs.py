@@ -62,13 +62,8 @@ def nothing(*_, **__):
     return ()
 
 
-def none(*_, **__):
-    return None
-
-
 RULES = (
     Rule("pipeline:hidden_by_offset", first, "A fourth root, where an offset or a delay hides the plant."),
-    Rule("fitting.window_halves:finer", none, "More windows, where one half alone shows an effect."),
     Rule("search.final_choice:best_alike", first, "Of causes alike the one that fits best is in the set."),
     Rule("search.prune:plainer", first, "A richer form gives way to the plain one that does as well."),
     Rule("search.final_choice:_over_whole",

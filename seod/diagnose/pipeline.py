@@ -19,7 +19,6 @@ from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.load_drift import drifting_load
-from seod.diagnose.fitting.window_halves import finer, one_sided
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form, output_type
@@ -139,7 +138,7 @@ def _diagnose(
     with ThreadPoolExecutor(processors()) as pool:
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
-        start = _start(searched, way)
+        start = _start(*cut(searched), way)
         unseen = _with(start.held_out, in_blocks(every[len(recordings) :]))
         found = _search(start, unseen, way, closed)
         if any(defects.has_outliers for defects in checked):
@@ -247,18 +246,7 @@ def _with(held_out: Cut, others: Sequence[Series]) -> Cut:
     return Cut(every, (*held_out.windows, *told))
 
 
-def _start(every: Sequence[Series], way: _Way) -> _Start:
-    """With so many windows that both halves show what Eq. 1 does not, if there are such."""
-    usual = _started(*cut(every), way)
-    fitted = usual.base.found
-    if one_sided(Judged.of(fitted, usual.to_fit).held, usual.base.held):
-        others = finer(every, fitted)
-        if others is not None:
-            return _started(*others, way)
-    return usual
-
-
-def _started(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
+def _start(to_fit: Cut, held_out: Cut, way: _Way) -> _Start:
     small = fitted_windows(to_fit)
     screened = screen(small, way.parallel, way.budget)
     begun = baseline(screened.cut, way.sees_speed, way.fixed.effects, way.parallel, way.fixed.gain)

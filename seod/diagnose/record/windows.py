@@ -155,10 +155,8 @@ def _kept(array: NDArray[Of]) -> NDArray[Of]:
     return array
 
 
-def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
+def cut(every: Sequence[Series]) -> tuple[Cut, Cut]:
     """Windows to fit, and windows held out: every second one.
-
-    There are `finer` times as many as usual.
 
     Raises:
         DiagnoseError: The recordings are too short.
@@ -166,7 +164,7 @@ def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
     fitted: list[tuple[int, int, int]] = []
     held: list[tuple[int, int, int]] = []
     for k, one in enumerate(every):
-        for number, (first, last) in enumerate(_windows(one, finer)):
+        for number, (first, last) in enumerate(_windows(one)):
             if number % 2 == 0:
                 fitted.append((k, first, last))
             elif can_be_scored(one, first, last):
@@ -176,8 +174,8 @@ def cut(every: Sequence[Series], finer: float = 1.0) -> tuple[Cut, Cut]:
     return Cut(every, tuple(fitted)), Cut(every, tuple(held))
 
 
-def _windows(recording: Series, finer: float) -> list[tuple[int, int]]:
-    pairs = [pair for first, last in recording.blocks for pair in _within(recording, first, last, finer)]
+def _windows(recording: Series) -> list[tuple[int, int]]:
+    pairs = [pair for first, last in recording.blocks for pair in _within(recording, first, last)]
     enough = [(a, b) for a, b in pairs if np.count_nonzero(recording.good[a:b]) >= WINDOWS.least_samples]
     moving = [
         (a, b)
@@ -194,12 +192,12 @@ def can_be_scored(recording: Series, first: int, last: int) -> bool:
     return bool(np.any(good & settles) and np.any(good & ~settles))
 
 
-def _within(recording: Series, first: int, last: int, finer: float) -> list[tuple[int, int]]:
+def _within(recording: Series, first: int, last: int) -> list[tuple[int, int]]:
     """First and last rows of a block's windows."""
     t = recording.t[first:last]
     begin = t[0] + min(WINDOWS.skipped_s, WINDOWS.skipped_part * float(t[-1] - t[0]))
     usual = int((t[-1] - begin) / recording.window_s + WINDOWS.rounding)
-    count = round(finer * max(SERIES.fewest_windows, usual))
+    count = max(SERIES.fewest_windows, usual)
     edges = np.linspace(begin, t[-1] + 0.5 * recording.tick, count + 1)
     rows = first + np.searchsorted(t, edges - WINDOWS.at_edge * recording.tick)
     return [(int(a), int(b)) for a, b in pairwise(rows)]
@@ -213,7 +211,7 @@ def _in_first(part: float, t: Array) -> Mask:
 
 def whole_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
     """All windows of recordings: (which, first row, row after the last)."""
-    return tuple((k, first, last) for k, one in enumerate(every) for first, last in _windows(one, 1.0))
+    return tuple((k, first, last) for k, one in enumerate(every) for first, last in _windows(one))
 
 
 def all_but(every: Sequence[Series], held_out: Cut) -> Cut:

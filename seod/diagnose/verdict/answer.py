@@ -12,10 +12,9 @@ from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.causes.table import OFFSET_DRIFT_PLACE
 from seod.diagnose.fitting.free_run import free_runs
-from seod.diagnose.fitting.held_out import nrmse, wholes
+from seod.diagnose.fitting.held_out import nrmse, one_sided, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
-from seod.diagnose.fitting.window_halves import one_sided
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
 from seod.diagnose.search.final_choice import above_noise
