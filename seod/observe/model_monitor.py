@@ -99,18 +99,16 @@ class ModelMonitor:
         self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
-        while (segment := self._work.get()) is not None:
-            try:
-                self._model = self._model or model_of(self._config, self.axis)
-                if self._model is None:
-                    return
+        try:
+            self._model = model_of(self._config, self.axis)
+            while self._model is not None and (segment := self._work.get()) is not None:
                 left = self._model.residual(segment)
                 error = judge(segment, left, self._resolution, self._model.name)
-            except (OSError, ValueError, ArithmeticError) as failure:
-                self._done.put(failure)
-                return
-            if error is not None:
-                self._done.put(error)
+                if error is not None:
+                    self._done.put(error)
+                self._work.task_done()
+        except (OSError, ValueError, ArithmeticError) as failure:
+            self._done.put(failure)
 
 
 def _resolution(config: RigConfig, axis: str) -> float:

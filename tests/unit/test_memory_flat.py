@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import socket
 import tracemalloc
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,36 +64,37 @@ def happens(loop: FakeLoop, number: int) -> None:
 
 
 def test_the_process_that_estimates_keeps_nothing_of_what_has_passed() -> None:
-    loop, (supervisor, ours) = FakeLoop(), socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    loop.start()
-    gateway, observer, work = beside(rig_config(), loop.shared, supervisor, Path("rig.yaml"))
-    work.close()
-    told_of = {"method": "exact"}  # a fit of `wave` takes a second here
-    gateway._observer.send({"change": "motor", "values": told_of, "told": told_of})
-    feeds = ["estimate", "event", "health", "model_error", "sample"]
-    for number, topic in enumerate(feeds):
-        gateway._observer.send({"feed": number, "on": True, "topic": topic, "axes": ["motor"], "period_s": 0})
-    told = number = 0
+    with ExitStack() as closing:
+        loop, (supervisor, ours) = FakeLoop(), socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        gateway, observer, work = beside(rig_config(), loop.shared, supervisor, Path("rig.yaml"))
+        work.close()
+        for close in (loop, ours, supervisor, gateway._observer, observer._shared, observer._link, observer):
+            closing.callback(close.close)
+        loop.start()
+        told_of = {"method": "exact"}  # a fit of `wave` takes a second here
+        gateway._observer.send({"change": "motor", "values": told_of, "told": told_of})
+        for number, topic in enumerate(["estimate", "event", "health", "model_error", "sample"]):
+            gateway._observer.send(
+                {"feed": number, "on": True, "topic": topic, "axes": ["motor"], "period_s": 0}
+            )
+        told = number = 0
 
-    def once() -> None:
-        nonlocal told, number
-        number += 1
-        happens(loop, number)
-        gateway._observer.send({"ask": ["get", "motor"], "method": "get", "axis": "motor", "clients": {}})
-        observer.poll()
-        while message := gateway._observer.receive():
-            told += len(message.get("told", ()))
+        def once() -> None:
+            nonlocal told, number
+            number += 1
+            happens(loop, number)
+            gateway._observer.send({"ask": ["get", "motor"], "method": "get", "axis": "motor", "clients": {}})
+            observer.poll()
+            while message := gateway._observer.receive():
+                told += len(message.get("told", ()))
 
-    # windows of estimator and model, which fill and begin anew, are emptied before it is looked
-    assert abs(growth(once, settle=observer.rig._interrupt)) < SLACK_BYTES
-    assert told > 100 * ROUNDS
-    observer.close()
-    observer._link.close()
-    observer._shared.close()
-    gateway._observer.close()
-    for end in (supervisor, ours):
-        end.close()
-    loop.close()
+        def settle() -> None:
+            """Empty windows that fill and begin anew; no segment is on its way to the model."""
+            observer.rig._interrupt()
+            observer.rig._monitors["motor"]._work.join()
+
+        assert abs(growth(once, settle=settle)) < SLACK_BYTES
+        assert told > 100 * ROUNDS
 
 
 class Listens:
