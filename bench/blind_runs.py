@@ -115,5 +115,6 @@ def line(case: Case, said: dict, further: dict, how: Rough | None = None) -> dic
         "before": (said.get("baseline") or {}).get("holdout_nrmse"),
         "after": (said.get("extended") or {}).get("holdout_nrmse"),
         "floor": said.get("noise_floor_nrmse"),
+        "account": said.get("account"),
         "found_plant": [(said.get("extended") or {}).get(name) for name in ("K_L", "omega_n", "zeta")],
     } | further

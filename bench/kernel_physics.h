@@ -91,7 +91,7 @@ static double flow(const Plant *p, const State *s, double opened, double pressur
   const double most = p->square_root_flow_supply;
   if (most == INFINITY) return gain * opened;
   const double supply = max(s->supply, VACUUM);
-  const double drop = 1.0 - copysign(pressure, opened * pressure) / (most * supply);
+  const double drop = 1.0 - copysign(pressure, gain * opened * pressure) / (most * supply);
   const double orifice = drop * pow((1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR), 0.25);
   return gain * opened * sqrt(supply) * orifice;
 }

@@ -54,7 +54,7 @@ static double longest_substep(const Plant *p, const State *s, double t) {
 }
 
 static double within_orifice(const Plant *p, const State *s, double longest) {
-  const double speed = p->K_L * (fabs(opening(p, s->spool)) + fabs(opening(p, s->target)));
+  const double speed = fabs(p->K_L) * (fabs(opening(p, s->spool)) + fabs(opening(p, s->target)));
   if (speed == 0.0) return longest;
   const double full = p->square_root_flow_supply;
   const double soft = LAMINAR + fabs(1.0 - fabs(s->pressure) / (full * max(s->supply, VACUUM)));
@@ -68,7 +68,7 @@ static double within_bristles(const Plant *p, const State *s, double longest) {
   const double ratio = p->load_resonance_inertia;
   const double stiff = p->lugre_friction_stiffness / p->coulomb_friction_level;
   const double coupled = ratio > 0.0 ? coupling(p, s->velocity, z) : 0.0;
-  const double rise = p->omega_n * p->omega_n * p->K_L * fabs(s->target) * longest;
+  const double rise = p->omega_n * p->omega_n * fabs(p->K_L * s->target) * longest;
   double push = rise + fabs(drive(p, s, s->t, s->pressure, s->position, coupled));
   push += p->lugre_friction_stiffness * fabs(s->bristle) + p->lugre_friction_damping * fabs(s->velocity);
   const double rate = stiff * fabs(s->velocity);

@@ -176,9 +176,10 @@ def flow(p: Record, s: Record, opened: float, pressure: float, gain: float) -> f
     if most == math.inf:
         return gain * opened
     supply = max(s.supply, VACUUM)
-    drop = 1.0 - math.copysign(pressure, opened * pressure) / (most * supply)
+    speed = gain * opened
+    drop = 1.0 - math.copysign(pressure, speed * pressure) / (most * supply)
     square = (1.0 + LAMINAR * LAMINAR) / (drop * drop + LAMINAR * LAMINAR)
-    return gain * opened * drop * math.sqrt(supply * math.sqrt(square))
+    return speed * drop * math.sqrt(supply * math.sqrt(square))
 
 
 @compiled

@@ -54,7 +54,7 @@ def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[flo
 @compiled
 def _within_orifice(p: Record, s: Record, longest: float) -> float:
     """Substep [s] in which the orifice's slope changes little: by its own rate, and by the pressure's."""
-    speed = p.K_L * (abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target)))
+    speed = abs(p.K_L) * (abs(physics.opening(p, s.spool)) + abs(physics.opening(p, s.target)))
     if speed == 0.0:
         return longest
     full = p.square_root_flow_supply
@@ -71,7 +71,7 @@ def _within_bristles(p: Record, s: Record, longest: float) -> float:
     coupled = 0.0
     if ratio > 0.0:
         coupled = physics.coupling(p, s.velocity, s.position, s.velocity2, s.position2)
-    rise = p.omega_n * p.omega_n * p.K_L * abs(s.target) * longest  # of the pressure, at most
+    rise = p.omega_n * p.omega_n * abs(p.K_L * s.target) * longest  # of the pressure, at most
     push = rise + abs(physics.drive(p, s, s.t, s.pressure, s.position, coupled))
     push += p.lugre_friction_stiffness * abs(s.bristle) + p.lugre_friction_damping * abs(s.velocity)
     rate = stiff * abs(s.velocity)
