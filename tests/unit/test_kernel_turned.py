@@ -1,4 +1,4 @@
-"""An actuator wired the other way round: its gain and its commands have the other sign, and it moves the same."""
+"""An actuator wired the other way round: gain and commands have the other sign, and it moves the same."""
 
 from __future__ import annotations
 
