@@ -121,6 +121,18 @@ def test_a_speed_in_another_unit():
     assert not apart(in_metres, numbers(told(u, y, 1e6, "velocity"), 1e6))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["coulomb_friction", "backlash"])
+def test_an_actuator_wired_the_other_way_round(name):
+    u, y = record(SECONDS, **CASES[name])
+    forth, back = (numbers(told(sign * u, y, 1.0), 1.0) for sign in (1.0, -1.0))
+    assert forth[".effects[0].name"] == name
+    assert back[".baseline.K_L"] == pytest.approx(-forth[".baseline.K_L"], rel=TOLERANCE)
+    assert "the fitted K_L is negative" in back.pop(".remarks[0]")
+    sizes = [{at: abs(x) if isinstance(x, float) else x for at, x in one.items()} for one in (forth, back)]
+    assert not apart(*sizes)
+
+
 def test_a_command_in_other_units_than_the_first_is_refused():
     rows = np.arange(1000)
     none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "problems": ()}

@@ -86,7 +86,8 @@ def perform(record: NDArray[np.void], excitation: Excitation, t: Array) -> Run:
 
 def _relay(record: NDArray[np.void], kind: str, volts: float, t: Array) -> Array:
     relay = np.zeros(1, RELAY)
-    relay["e_a"], relay["velocity_mode"] = volts, record["measures_speed"]
+    relay["e_a"] = np.copysign(volts, record["K_L"])  # the daemon finds out how the actuator is wired
+    relay["velocity_mode"] = record["measures_speed"]
     if kind == "two-phase":
         relay["cycles"], relay["shift"] = TRIAL.cycles, TRIAL.shift
     y, u, t_u = np.empty((3, len(t)))
