@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
+from scipy.signal import lfilter
 
+from seod.diagnose.account.halves import noise_is_larger
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
@@ -86,3 +88,26 @@ def test_windows_held_out_that_alone_show_more_are_told(off, shaken, said):
     left, told = _remainder(some, Judged.of(far, to_fit).held)
     assert (left.fraction == 0.0) == (said is None)
     assert told == (said or ())
+
+
+def errs_more(memory, seed, larger=1.0):
+    """Whether one window held out, whose noise is so much larger, is taken for more than noise."""
+    u = multisine(12000)
+    y = linear(u)
+    noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(0.0, 1.0, len(y)))
+    to_fit, aside = cut([series(recording(u, y + 0.03 * np.std(y) / np.std(noise) * noise))])
+    _, first, last = aside.windows[-1]
+    moved, read = linear(u)[first:last], aside.series[0].y[first:last]
+    read += (larger - 1.0) * (read - moved)
+    (found,) = detuned(to_fit, 1.0)
+    return noise_is_larger(Judged.of(found, to_fit).held, Judged.of(found, aside).held)
+
+
+def test_noise_of_one_size_is_hardly_ever_taken_for_more():
+    told = [errs_more(memory, seed) for memory in (0.5, 0.95, 0.99) for seed in range(20)]
+    assert sum(told) == 0
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.95, 0.99])
+def test_what_acts_in_windows_held_out_alone_is_no_noise(memory):
+    assert errs_more(memory, 0, larger=6.0)

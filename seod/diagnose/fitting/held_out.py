@@ -96,12 +96,6 @@ def nrmse(windows: list[tuple[Array, Array, Mask]]) -> float:
     return math.sqrt(error / spread) if spread > 0.0 and math.isfinite(error) else math.inf
 
 
-def one_sided(fitted: HeldOut, held: HeldOut) -> bool:
-    """Whether the windows of one half show something of which there is nothing in the other."""
-    less, more = sorted((fitted.adequacy, held.adequacy))
-    return less < HELD_OUT.adequate and more > HELD_OUT.shows_more
-
-
 def _spread(windows: list[tuple[Array, Mask]]) -> float:
     return sum(float(np.sum((y[scored] - np.mean(y[scored])) ** 2)) for y, scored in windows if scored.any())
 

@@ -67,9 +67,6 @@ class HeldOut:
     adequate: float = 1.15
     """[-] Held-out squared error over the noise's, up to which nothing remains: the noise is known to
     some percent, and initial states fitted to a fifth of a window add theirs. Chosen."""
-    shows_more: float = 2.0
-    """[-] The same ratio, from which on windows show something that those of the other half do not.
-    Measured: of 59 records with a right answer the worst fitted window had 1.29."""
     diverged: float = 10.0
     """[ranges] Of the recording, beyond which a simulation has run away. Chosen."""
     rows_to_settle: float = 0.25

@@ -10,9 +10,10 @@ import numpy as np
 
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
+from seod.diagnose.account.halves import noise_is_larger, one_sided
 from seod.diagnose.causes.table import OFFSET_DRIFT_PLACE
 from seod.diagnose.fitting.free_run import free_runs
-from seod.diagnose.fitting.held_out import nrmse, one_sided, wholes
+from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.record.sweep import sweeps
@@ -46,6 +47,10 @@ RARE: Final = (
 UNFITTED: Final = (
     "what is left shows in windows that were held out and in none that was fitted: no cause of it can be "
     "fitted. A longer recording, in which it happens again, tells more"
+)
+LARGER: Final = (
+    "windows that were held out are off by more than noise makes of those that were fitted: something acts "
+    "there that no fit has seen. A longer recording, in which it happens again, tells more"
 )
 SWEPT: Final = (
     "{name}: the command sweeps, its frequency or size goes one way with time. What depends on frequency or "
@@ -221,10 +226,13 @@ def _without_outliers(held: HeldOut) -> Mask:
 
 def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
     """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
+    halves = searched.seen, searched.chosen.held
     rest = unexplained(searched.held, searched.chosen.held)
+    if rest.fraction > 0.0 and not one_sided(*halves):
+        return rest, (LARGER,) if noise_is_larger(*halves) else ()
     if rest.fraction > 0.0:
-        return rest, (UNFITTED,) if one_sided(searched.seen, searched.chosen.held) else ()
-    if one_sided(searched.seen, searched.chosen.held):
+        return rest, (UNFITTED,)
+    if one_sided(*halves):
         return unexplained(replace(base, scored=searched.seen.scored), searched.seen), (RARE,)
     return rest, ()
 
