@@ -239,11 +239,10 @@ def fitted_windows(to_fit: Cut) -> Cut:
 
 
 def segments(whole: Cut, longest_s: float | None = None) -> Cut:
-    """The same rows in windows no longer than that; None: than 2 s, as many rows as these
-    are at 1 kHz, or a dominant period.
+    """The same rows in windows no longer than that.
 
-    In shorter ones the initial states make up for what is wrong with the model. Those without a sample tell
-    nothing and are left out.
+    None: than 2 s, as many rows as these are at 1 kHz, or a dominant period. In shorter ones the initial
+    states make up for what is wrong with the model. Those without a sample tell nothing and are left out.
     """
     out = []
     for k, first, last in whole.windows:
