@@ -42,11 +42,11 @@ def little(monkeypatch):
     monkeypatch.setitem(EFFORTS, "quick", 0.05)
 
 
-def told(u, y, per_metre, output="position"):
-    """The answer for y in a unit of which so many are a metre, or a metre a second."""
+def told(u, y, per_metre, output="position", pace=1.0):
+    """The answer for y in a unit of which so many are a metre, or a metre a second; at a pace the faster."""
     rows = np.arange(len(u))
     none = {"t_u": None, "ps": None, "temperature": None, "names": {}, "units": {}, "problems": ()}
-    recording = Recording((Path("run.csv"),), rows / RATE, u, per_metre * y, rows=rows, **none)
+    recording = Recording((Path("run.csv"),), rows / RATE / pace, u, per_metre * y, rows=rows, **none)
     answer = diagnose([recording], (), Options(output, effort="quick")).as_json()
     return answer | {"remarks": [each for each in answer["remarks"] if not each.startswith(SPENT)]}
 
@@ -119,6 +119,15 @@ def test_a_speed_in_another_unit():
     assert in_metres[".effects[0].name"] == "coulomb_friction"
     assert in_metres[".effects[0].parameters.level.value"] == pytest.approx(0.4, rel=0.05)
     assert not apart(in_metres, numbers(told(u, y, 1e6, "velocity"), 1e6))
+
+
+@pytest.mark.slow
+def test_a_rig_that_does_all_of_it_slowly():
+    rows = record(SECONDS, **CASES["backlash"])
+    once, slowly = (told(*rows, 1.0, pace=pace) for pace in (1.0, 0.01))
+    assert [each["name"] for each in once["effects"]] == ["backlash"]
+    assert [each["name"] for each in slowly["effects"]] == ["backlash"]
+    assert slowly["extended"]["omega_n"] == pytest.approx(0.01 * once["extended"]["omega_n"], rel=1e-3)
 
 
 @pytest.mark.slow
