@@ -43,8 +43,8 @@ def one():
 
 @pytest.mark.parametrize("pace", [1.0, 0.1, 1e-3])
 def test_a_slow_rig_is_cut_like_a_quick_one(pace):
-    """At 1 kHz, with a dominant period of 0.2 s, or all of it more slowly."""
-    t = np.arange(24000) / 1000.0
+    """At 250 Hz, with a dominant period of 0.2 s, or all of it more slowly."""
+    t = np.arange(6000) / 250.0
     y = np.sin(2.0 * np.pi * 5.0 * t) + 1e-3 * np.random.default_rng(1).normal(size=len(t))
     slow = series(replace(of(y, u=np.sin(31.0 * t)), t=t / pace, t_u=None))
     to_fit, _ = cut([slow])

@@ -241,7 +241,7 @@ def fitted_windows(to_fit: Cut) -> Cut:
 def segments(whole: Cut, longest_s: float | None = None) -> Cut:
     """The same rows in windows no longer than that.
 
-    None: than 2 s, as many rows as these are at 1 kHz, or a dominant period. In shorter ones the initial
+    None: than 2 s, as many rows as these are at 250 Hz, or a dominant period. In shorter ones the initial
     states make up for what is wrong with the model. Those without a sample tell nothing and are left out.
     """
     out = []
@@ -277,7 +277,7 @@ def undivided(whole: Cut) -> Cut:
 
 
 def sample(whole: Cut, seconds: float) -> Cut:
-    """Windows of about so many seconds together, or as many rows as these are at 1 kHz, spread evenly."""
+    """Windows of about so many seconds together, or as many rows as these are at 250 Hz, spread evenly."""
     lengths = np.array([float(whole.series[k].t[b - 1] - whole.series[k].t[a]) for k, a, b in whole.windows])
     seconds = max(_as_many_rows(seconds, one) for one in whole.series)
     count = max(2, round(seconds / float(np.mean(lengths))))
