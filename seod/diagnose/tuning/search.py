@@ -124,11 +124,6 @@ class Prune:
     """[-] Mean log squared error that an effect saves, from which on its size is not none, whatever its
     interval says: that takes the curve between its size and none for straight. Chosen."""
 
-    by_chance: float = 0.5
-    """[-] Probability, for all causes tried, that windows which no fit has seen gain by chance: above it they
-    do not speak for a cause. Measured: of 793 causes rightly named the largest is 0.19, and 9 of 86 that were
-    wrongly named are above it."""
-
 
 PRUNE: Final = Prune()
 
