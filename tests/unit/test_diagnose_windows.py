@@ -41,18 +41,6 @@ def one():
     return series(of(linear(multisine(12000))))
 
 
-@pytest.mark.parametrize("pace", [1.0, 0.1, 1e-3])
-def test_a_slow_rig_is_cut_like_a_quick_one(pace):
-    """At 250 Hz, with a dominant period of 0.2 s, or all of it more slowly."""
-    t = np.arange(6000) / 250.0
-    y = np.sin(2.0 * np.pi * 5.0 * t) + 1e-3 * np.random.default_rng(1).normal(size=len(t))
-    slow = series(replace(of(y, u=np.sin(31.0 * t)), t=t / pace, t_u=None))
-    to_fit, _ = cut([slow])
-    assert len(to_fit.windows) == 6
-    assert len(segments(to_fit).windows) == 12
-    assert len(sample(to_fit, 6.0).windows) == 3
-
-
 def test_noise_is_seen_through_a_movement_a_thousand_times_larger():
     random = np.random.default_rng(1)
     y = 50.0 * np.sin(2.0 * np.pi * 4.0 * T) + random.normal(0.0, 0.05, len(T))

@@ -239,25 +239,20 @@ def fitted_windows(to_fit: Cut) -> Cut:
 
 
 def segments(whole: Cut, longest_s: float | None = None) -> Cut:
-    """The same rows in windows no longer than that.
+    """The same rows in windows no longer than that; None: than 2 s or a dominant period.
 
-    None: than 2 s, as many rows as these are at 250 Hz, or a dominant period. In shorter ones the initial
-    states make up for what is wrong with the model. Those without a sample tell nothing and are left out.
+    In shorter ones the initial states make up for what is wrong with the model. Those without a sample tell
+    nothing and are left out.
     """
     out = []
     for k, first, last in whole.windows:
         one = whole.series[k]
-        length = max(_as_many_rows(WINDOWS.segment_s, one), one.period_s) if longest_s is None else longest_s
+        length = max(WINDOWS.segment_s, one.period_s) if longest_s is None else longest_s
         count = math.ceil((one.t[last - 1] - one.t[first]) / length - WINDOWS.segment_longer)
         count = max(1, min(count, (last - first) // WINDOWS.least_segment_rows))
         edges = np.linspace(first, last, count + 1).astype(int).tolist()
         out += [(k, a, b) for a, b in pairwise(edges) if one.good[a:b].any()]
     return Cut(whole.series, tuple(out))
-
-
-def _as_many_rows(seconds: float, one: Series) -> float:
-    """A length [s], of a slow recording as many rows as of a quick one."""
-    return seconds * max(1.0, WINDOWS.rate_hz * one.tick)
 
 
 def undivided(whole: Cut) -> Cut:
@@ -277,9 +272,8 @@ def undivided(whole: Cut) -> Cut:
 
 
 def sample(whole: Cut, seconds: float) -> Cut:
-    """Windows of about so many seconds together, or as many rows as these are at 250 Hz, spread evenly."""
+    """Windows of about so many seconds together, spread evenly."""
     lengths = np.array([float(whole.series[k].t[b - 1] - whole.series[k].t[a]) for k, a, b in whole.windows])
-    seconds = max(_as_many_rows(seconds, one) for one in whole.series)
     count = max(2, round(seconds / float(np.mean(lengths))))
     if count >= len(whole.windows):
         return whole

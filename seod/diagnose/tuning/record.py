@@ -406,10 +406,6 @@ class Windows:
     segment_s: float = 2.0
     """[s] Longest segment of a window to fit, or a period; each begins from a state of its own. Chosen:
     in shorter ones initial states make up for friction and load."""
-    rate_hz: float = 250.0
-    """[Hz] Rate below which so many seconds are as many rows as at it: a slow rig is sampled slowly, and
-    2 s are less than a period of it. Chosen: of quicker ones fewer segments would be left than tell noise
-    from a spring."""
     least_samples: int = 50
     """[rows] Of a window. Chosen."""
     least_segment_rows: int = 10
