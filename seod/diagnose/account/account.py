@@ -124,7 +124,8 @@ def systematic(
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)
     again, box = repeats(every, parts), foretold(parts, plant, swept=swept, in_loop=in_loop)
-    asked = again is not None or (box is not None and math.isfinite(box.detectable))
+    tells = box is not None and (not swept or math.isfinite(box.detectable))
+    asked = again is not None or tells
     total = mean_square([one for one in parts if one.held_out])
     shown = Shown(
         0.0, "nothing", NoiseColour((), 0.0, 1.0), asked, _detectable(again, box if asked else None, total)
