@@ -29,7 +29,7 @@ class Halves:
     which on it is not noise alone. Measured: of 60 hidden records with a right answer at most 2.44, of four
     in servo loops in which more than noise is left 3.8 to 77."""
     chance: float = 2e-5
-    """[-] Probability with which noise may pass it. Chosen; of those four 1e-5 at most, of gusts once 1e-4."""
+    """[-] Probability with which noise may pass it. Chosen; of those four at most 1e-5, of gusts 1e-4."""
 
 
 HALVES: Final = Halves()
