@@ -101,7 +101,7 @@ def one_window(found):
 
 
 def test_what_few_windows_do_not_show_is_asked_of_all(monkeypatch):
-    loose = replace(NOISE_ALONE, hidden_saves=np.inf)
+    loose = replace(NOISE_ALONE, most=np.inf)
     monkeypatch.setattr("seod.diagnose.search.noise_alone.NOISE_ALONE", loose)
     found, screened = fitted(0.99, 0.005)
     less = one_window(found)

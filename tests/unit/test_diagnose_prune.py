@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from seod.diagnose.fitting.uncertainty import may_be_chance, p_value
 from seod.diagnose.search import prune
 from seod.diagnose.tuning.search import PRUNE
 
@@ -15,6 +17,12 @@ def judged(cost, nrmse=0.5, held=None):
     return SimpleNamespace(found=SimpleNamespace(cost=cost), held=held)
 
 
+@pytest.fixture
+def no_chance(monkeypatch):
+    monkeypatch.setattr(prune, "_gains_by_chance", lambda *_: False)
+
+
+@pytest.mark.usefixtures("no_chance")
 @pytest.mark.parametrize(
     ("saves", "leaves"),
     [
@@ -29,6 +37,7 @@ def test_a_linear_interval_does_not_outweigh_what_an_effect_saves(monkeypatch, s
     assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
 
 
+@pytest.mark.usefixtures("no_chance")
 @pytest.mark.parametrize(("held", "leaves"), [(0.8, True), (3.0, False)])
 def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves):
     """Of what noise that remembers does not foretell, a fit saves little."""
@@ -37,3 +46,36 @@ def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves
     own = judged(-3.0, 0.1)
     rest = judged(-3.0 + 0.8 * PRUNE.surely, held=-3.0 + held * PRUNE.surely)
     assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
+
+
+class WindowsHeldOut:
+    """Errors of each row of windows of so many rows that no fit has seen."""
+
+    def __init__(self, error, rows):
+        windows = tuple((0, at, at + rows) for at in range(0, len(error), rows))
+        slices = [slice(first, last) for _, first, last in windows]
+        series = [SimpleNamespace(slack=0.0)]
+        self.cut = SimpleNamespace(series=series, windows=windows, slices=slices, noise=np.ones(len(windows)))
+        self.error, self.scored, self.sure = error, *np.ones((2, len(error)), np.bool_)
+
+
+def held_out(seed, wrong=0.0, windows=6, rows=500):
+    random = np.random.default_rng(seed)
+    error = random.normal(size=windows * rows)
+    return WindowsHeldOut(error + wrong * np.sin(np.arange(len(error)) / 50.0), rows)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_windows_held_out_do_not_show_may_be_chance(seed):
+    with_it, without = held_out(seed), held_out(seed, 0.5)
+    assert not may_be_chance(without, with_it, 20)
+    assert may_be_chance(with_it, without, 20)
+    assert may_be_chance(held_out(seed + 10), with_it, 20)
+
+
+def test_where_nothing_can_be_compared_nobody_calls_it_chance():
+    one = held_out(1)
+    assert not may_be_chance(one, one, 20)
+    one.sure = ~one.sure
+    assert p_value(held_out(2, 0.5), one) == 1.0
+    assert not may_be_chance(one, one, 20)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.normal_equations import Normal
-    from seod.diagnose.result import Array
+    from seod.diagnose.result import Array, Mask
     from sim.effects import Parameter as EffectParameter
 
 
@@ -225,17 +225,33 @@ def _ends(value: float, sd: float, logarithm: bool) -> tuple[float, float]:
 def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
     """Of no gain: a one-sided t-test of the log errors of parts of the same windows, with and without.
 
-    Times the number of causes that were `tried` (Bonferroni): the best of many gains by chance.
+    Times the number of causes that were `tried` (Bonferroni): the best of many gains by chance. 1 where too
+    few parts can be compared.
     """
-    parts = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
-    difference = _block_logs(without, parts) - _block_logs(with_it, parts)
-    if len(difference) < UNCERTAINTY.fewest_compared or not np.ptp(difference) > 0.0:
+    difference = _log_errors_saved(without, with_it)
+    if not _comparable(difference):
         return 1.0
     return min(1.0, tried * float(ttest_1samp(difference, 0.0, alternative="greater").pvalue))
 
 
-def _block_logs(held: HeldOut, parts: int) -> Array:
-    counts = held.scored & held.sure
+def may_be_chance(without: HeldOut, with_it: HeldOut, tried: int) -> bool:
+    """Whether parts of windows held out can be compared, and show no gain that chance would not show."""
+    saved = _log_errors_saved(without, with_it)
+    return _comparable(saved) and p_value(without, with_it, tried) > UNCERTAINTY.by_chance
+
+
+def _log_errors_saved(without: HeldOut, with_it: HeldOut) -> Array:
+    """By parts of the windows, of rows that count in both; shape (parts,)."""
+    parts = max(1, math.ceil(UNCERTAINTY.fewest_segments / len(without.cut.windows)))
+    counts = without.scored & without.sure & with_it.scored & with_it.sure
+    return _block_logs(without, counts, parts) - _block_logs(with_it, counts, parts)
+
+
+def _comparable(saved: Array) -> bool:
+    return len(saved) >= UNCERTAINTY.fewest_compared and float(np.ptp(saved)) > 0.0
+
+
+def _block_logs(held: HeldOut, counts: Mask, parts: int) -> Array:
     square = np.where(counts, held.error, 0.0) ** 2
     out = []
     for p, least in zip(held.cut.slices, least_square(held.cut), strict=True):

@@ -53,7 +53,7 @@ class ParentResidual:
         own = table.columns[:, :-1] * self.weight[:, None]
         size = np.linalg.norm(own, axis=0)
         self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
-        self.remaining = self._beyond(residual)
+        self.remaining = self.beyond(residual)
 
     def promise(self, name: str, start: Values, *, each_size: bool = False) -> Promise:
         """What an effect saves if its change from this start is the right one but for its size.
@@ -67,13 +67,12 @@ class ParentResidual:
         explained = float(np.sum((directions.T @ self.remaining) ** 2)) / total
         return Promise(model, x, -math.log(max(1.0 - explained, 1e-12)), directions.shape[1])
 
-    def without(self, name: str, start: Values) -> Array:
-        """What remains without the part of it that the effect makes up; weighted, shape (n,)."""
-        _, _, directions = self._directions(name, start, each_size=True)
-        return np.asarray(self.remaining - directions @ (directions.T @ self.remaining))
+    def directions(self, name: str, start: Values) -> Array:
+        """Orthonormal changes that an effect of any size makes, beyond the parent's own; shape (n, k)."""
+        return self._directions(name, start, each_size=True)[2]
 
     def unweighted(self, remaining: Array) -> Array:
-        """The same [unit of y]."""
+        """What remains [unit of y]."""
         return np.asarray(remaining / self.weight)
 
     def _directions(self, name: str, start: Values, *, each_size: bool) -> tuple[Model, Array, Array]:
@@ -89,11 +88,11 @@ class ParentResidual:
 
     def _change(self, model: Model, x: Array) -> Array:
         residual = weighted(model, self.parent.cut, x, self.parent.start)
-        return self._beyond(np.where(self.good, self.residual - residual, 0.0))
+        return self.beyond(np.where(self.good, self.residual - residual, 0.0))
 
-    def _beyond(self, y: Array) -> Array:
-        """Of a change of `y` what the parent's own parameters cannot do, weighted, shape (n,)."""
-        weighted = np.clip(y * self.weight, -1e100, 1e100)
+    def beyond(self, y: Array) -> Array:
+        """Of changes of `y`, shape (n,) or (n, k), what the parent's own parameters cannot do, weighted."""
+        weighted = np.clip((y.T * self.weight).T, -1e100, 1e100)
         return np.asarray(weighted - self.own @ (self.own.T @ weighted))
 
 

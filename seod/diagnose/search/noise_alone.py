@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import beta, chi2
 
 from seod.diagnose.causes.table import CAUSES, further_causes, remote
 from seod.diagnose.fitting.least_squares import weighted
@@ -30,7 +30,6 @@ from seod.diagnose.tuning.starts import LINES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.noise_colour import NoiseColour
     from seod.diagnose.record.windows import Cut
@@ -140,30 +139,59 @@ def _promised(long: ParentResidual, short: ParentResidual, screen: Screen) -> bo
         for wave, one in promises
     ):
         return True
-    return _hides_in_memory(replace(found, cut=found.cut.remembering(())), trials, screen)
+    raw = ParentResidual(replace(found, cut=found.cut.remembering(())))
+    most = [
+        (name, directions)
+        for name, directions in screen.parallel(lambda one: (one[0], raw.directions(*one)), trials)
+        if _part(directions, raw.remaining[:, None])[0] > NOISE_ALONE.most
+    ]
+    return bool(most) and _hides_in_memory(raw, most)
 
 
-def _hides_in_memory(found: Fitted, trials: Sequence[tuple[str, Values]], screen: Screen) -> bool:
-    """Whether an effect makes up most of what is left, and the past foretells the rest of it better.
+def _hides_in_memory(raw: ParentResidual, most: Sequence[tuple[str, Array]]) -> bool:
+    """Whether one of the effects that make up most of what is left would not make up as much of noise.
 
-    A memory that is fitted to all that is left foretells the effect, too.
+    A memory that is fitted to all that is left foretells an effect, too. Noise of that colour has its
+    frequencies, but not its phases, unless it is a wave. Without a wave the past foretells the rest better.
     """
-    white = ParentResidual(found)
-    some = list(screen.parallel(lambda one: white.without(*one), trials))
-    total = max(float(white.remaining @ white.remaining), 1e-300)
-    most = [each for each in some if float(each @ each) < NOISE_ALONE.hidden_part * total]
-    most.sort(key=lambda each: float(each @ each))
-    own = _foretold(found, white.unweighted(white.remaining)) if most else 0.0
-    rest = (_foretold(found, white.unweighted(each)) for each in most[: NOISE_ALONE.hidden_tried])
-    return any(own - each > NOISE_ALONE.hidden_saves for each in rest)
+    own, noises = _foretold(raw, raw.remaining), _noises(raw)
+    for name, directions in most:
+        if _waves(name):
+            rest = raw.remaining - directions @ (directions.T @ raw.remaining)
+            hides = own - _foretold(raw, rest) > NOISE_ALONE.line_saves
+        else:
+            hides = _chance_of_part(directions, raw.remaining, noises) < NOISE_ALONE.by_noise
+        if hides:
+            return True
+    return False
 
 
-def _foretold(found: Fitted, error: Array) -> float:
-    """Log of the mean square that noise fitted to errors, shape (n,), does not foretell of them."""
-    left = _parts(found.cut, error)
+def _foretold(raw: ParentResidual, remaining: Array) -> float:
+    """Log of the mean square that noise fitted to what remains, shape (n,), does not foretell of it."""
+    left = _parts(raw.parent.cut, raw.unweighted(remaining))
     noise = colour(left)
     seen = [noise.whitened(one.error)[noise.has_past(one.scored)] for one in left]
     return float(np.log(max(float(np.mean(np.concatenate(seen) ** 2)), 1e-300)))
+
+
+def _noises(raw: ParentResidual) -> Array:
+    """Of the colour of all that is left, less what the parent can do about them; shape (n, noises)."""
+    noise, random = colour(_left(raw.parent)), np.random.default_rng(NOISE_ALONE.seed)
+    drawn = [noise.drawn(int(rows), NOISE_ALONE.noises, random) for rows in raw.parent.cut.sizes]
+    return raw.beyond(np.concatenate(drawn) * raw.good[:, None])
+
+
+def _chance_of_part(directions: Array, remaining: Array, noises: Array) -> float:
+    """With what chance an effect makes up as much of noise as of what remains: parts are beta distributed."""
+    own, of_noises = _part(directions, remaining[:, None])[0], _part(directions, noises)
+    mean, variance = float(np.mean(of_noises)), float(np.var(of_noises))
+    both = mean * (1.0 - mean) / max(variance, 1e-300) - 1.0
+    return float(beta.sf(own, mean * both, (1.0 - mean) * both))
+
+
+def _part(directions: Array, of: Array) -> Array:
+    """Part of each column's square, shape (n, k), that lies in these directions; shape (k,)."""
+    return np.asarray(np.sum((directions.T @ of) ** 2, axis=0) / np.maximum(np.sum(of**2, axis=0), 1e-300))
 
 
 def _waves(name: str) -> bool:

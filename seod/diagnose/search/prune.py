@@ -8,7 +8,7 @@ from seod.diagnose.causes.table import CAUSES, further_causes
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
-from seod.diagnose.fitting.uncertainty import covariance, reaches_null
+from seod.diagnose.fitting.uncertainty import covariance, may_be_chance, reaches_null
 from seod.diagnose.search.refine import refined
 from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
@@ -112,14 +112,21 @@ def thinned(
 
 
 def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
-    """Of effects that have no share, or whose size may be none, the set without each."""
+    """Of effects that have no share, or whose size or gain may be none, the set without each."""
     spread = covariance(own.found)
     return [
         one
         for name, one in rest.items()
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
         or (_may_be_none(own, name, spread) and not _much(one, own))
+        or _gains_by_chance(own, name, one)
     ]
+
+
+def _gains_by_chance(own: Judged, name: str, fewer: Judged) -> bool:
+    """Whether windows held out show of a cause no more than chance does."""
+    tried = len(further_causes(own.found.model.scales, ()))
+    return EFFECTS[name].cause and may_be_chance(fewer.held, own.held, tried)
 
 
 def _much(fewer: Judged, more: Judged) -> bool:
