@@ -11,6 +11,7 @@ import numpy as np
 
 from seod.diagnose.record.coarse_sensor import readings
 from seod.diagnose.record.noise import noise_sd
+from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.tuning.record import BLOCKS, SERIES
 
@@ -76,6 +77,12 @@ class Series:
     def relayed(self) -> bool:
         """Whether a relay gave the commands."""
         return self.levels <= SERIES.relay_levels
+
+    @cached_property
+    def segment_s(self) -> float:
+        """Longest segment of a window to fit [s]. A sweep has no period of its own."""
+        periods = 1.0 if sweeps(self.t, self.u_of_rows) else SERIES.segment_periods
+        return max(SERIES.segment_s, periods * self.period_s)
 
     @cached_property
     def travelled(self) -> Array:

@@ -239,7 +239,7 @@ def fitted_windows(to_fit: Cut) -> Cut:
 
 
 def segments(whole: Cut, longest_s: float | None = None) -> Cut:
-    """The same rows in windows no longer than that; None: than 2 s or three dominant periods.
+    """The same rows in windows no longer than that; None: than `Series.segment_s`.
 
     In shorter ones the initial states make up for what is wrong with the model. Those without a sample tell
     nothing and are left out.
@@ -247,9 +247,7 @@ def segments(whole: Cut, longest_s: float | None = None) -> Cut:
     out = []
     for k, first, last in whole.windows:
         one = whole.series[k]
-        length = (
-            max(WINDOWS.segment_s, WINDOWS.segment_periods * one.period_s) if longest_s is None else longest_s
-        )
+        length = one.segment_s if longest_s is None else longest_s
         count = math.ceil((one.t[last - 1] - one.t[first]) / length - WINDOWS.segment_longer)
         count = max(1, min(count, (last - first) // WINDOWS.least_segment_rows))
         edges = np.linspace(first, last, count + 1).astype(int).tolist()

@@ -332,6 +332,12 @@ class Series:
     """[periods] Dominant ones of a window. The contract's."""
     shortest_window_s: float = 1.0
     """[s] Of a window. The contract's."""
+    segment_s: float = 2.0
+    """[s] Longest segment of a window to fit; each begins from a state of its own. Chosen: in shorter ones
+    initial states make up for friction and load."""
+    segment_periods: float = 3.0
+    """[periods] Likewise, of a slow rig. Measured: of 15 slow records missed with one period four are right
+    with three, and the same with five."""
     fewest_windows: int = 4
     """[windows] Of a recording: two to fit, two held out. Chosen."""
     relay_levels: int = 4
@@ -403,12 +409,6 @@ class Windows:
 
     settling_part: float = 0.2
     """[-] Of a held-out window, to which its initial state is fitted. The contract's."""
-    segment_s: float = 2.0
-    """[s] Longest segment of a window to fit; each begins from a state of its own. Chosen: in shorter ones
-    initial states make up for friction and load."""
-    segment_periods: float = 3.0
-    """[periods] Likewise, of a slow rig. Measured: of 15 slow records missed with one period four are right
-    with three, and the same with five."""
     least_samples: int = 50
     """[rows] Of a window. Chosen."""
     least_segment_rows: int = 10
