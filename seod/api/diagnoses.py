@@ -191,7 +191,7 @@ def diagnose(
     output: Output | None = None,
     gain: Number | None = None,
     delay: Number | None = None,
-    hold: Hold = "zero",
+    hold: Hold | None = None,
     columns: str | Mapping[str, str] = "",
     units: str | Mapping[str, str] = "",
     between: str | tuple[float, float] | None = None,
@@ -217,7 +217,8 @@ def diagnose(
         output: What y is; left out: as the rig file's axis has it, else both are tried.
         gain: K_L if it is known, in SI or as `"50 mm/s/V"`.
         delay: Delay if it is known [s], or `"4 ms"`; left out: a cause like others.
-        hold: Whether u holds until the next row (`zero`) or runs straight on to it (`first`).
+        hold: Whether u holds until the next row (`zero`) or runs straight on to it (`first`); left out: it
+            holds, unless a cause is not needed where it runs on.
         columns: As of `seod.read`.
         units: Likewise.
         between: Likewise.

@@ -39,9 +39,12 @@ def diagnose(
         typer.Option(**seconds(0.0, 100.0), help="Delay, if it is known; else a cause like others."),
     ] = None,
     hold: Annotated[
-        Literal["zero", "first"],
-        typer.Option(help="Whether u holds until the next row or runs straight on to it."),
-    ] = "zero",
+        Literal["zero", "first"] | None,
+        typer.Option(
+            help="Whether u holds until the next row or runs straight on to it. Default: it holds, unless a "
+            "cause is not needed where it runs on."
+        ),
+    ] = None,
     columns: Columns = "",
     units: Units = "",
     between: Between = None,

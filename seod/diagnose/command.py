@@ -53,7 +53,7 @@ class Options(NamedTuple):
     units: str = ""
     between: tuple[float, float] | None = None
     effort: Effort = "normal"
-    hold: Hold = "zero"
+    hold: Hold | None = None
     gain: float | None = None
     delay: float | None = None
     relevance: float = RELEVANCE
@@ -110,7 +110,7 @@ def command_line(paths: Sequence[Path], options: Options) -> str:
         "--output": options.output,
         "--gain": options.gain,
         "--delay": options.delay,
-        "--hold": "" if options.hold == usual.hold else options.hold,
+        "--hold": options.hold,
         "--columns": options.columns,
         "--units": options.units,
         "--between": between,

@@ -30,6 +30,7 @@ from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.beam import grow
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.final_choice import Choice, choose
+from seod.diagnose.search.other_timing import OtherTiming, other_timing
 from seod.diagnose.search.refine import fitted_over_all
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
@@ -67,7 +68,8 @@ class Options:
         config: The rig whose model is the baseline; None: Eq. 1.
         axis: Of that rig; None: its first.
         effort: How much may be simulated before no further cause is tried; `thorough`: all there is to try.
-        hold: Whether a command holds until the next row or runs straight on to it.
+        hold: Whether a command holds until the next row or runs straight on to it; None: it holds, unless a
+            cause is not needed where it runs on.
         gain: K_L [unit/s/V] if it is known.
         delay: From the command to the valve [s] if it is known, beyond the recordings' own times.
         usual: What `y` is taken for if both outputs do about as well.
@@ -78,7 +80,7 @@ class Options:
     config: RigConfig | None = None
     axis: str | None = None
     effort: Effort = "normal"
-    hold: Hold = "zero"
+    hold: Hold | None = None
     gain: float | None = None
     delay: float | None = None
     usual: Output = "position"
@@ -125,7 +127,7 @@ def _diagnose(
             step=defects.step,
             late=defects.late,
             taken=defects.taken,
-            hold=asked.hold,
+            hold=asked.hold or "zero",
             nominal_ps=nominal.get("nominal_ps"),
             nominal_temperature=nominal.get("nominal_temperature"),
             nominal_f=nominal.get("nominal_f"),
@@ -138,9 +140,13 @@ def _diagnose(
     with ThreadPoolExecutor(processors()) as pool:
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
-        start = _start(*cut(searched), way)
-        unseen = _with(start.held_out, in_blocks(every[len(recordings) :]))
-        found = _search(start, unseen, way, closed)
+        others = in_blocks(every[len(recordings) :])
+        start, unseen, found = _searched(searched, others, way, closed)
+        timed = _timed_otherwise(start, found, recordings, asked, way)
+        if timed is not None:
+            searched, others = ([timed.timing.of(one) for one in part] for part in (searched, others))
+            way = way._replace(budget=Budget.of(rows, asked.effort))
+            start, unseen, found = _searched(searched, others, way, closed)
         if any(defects.has_outliers for defects in checked):
             found = trimmed(found)
         common = common_baseline(
@@ -150,10 +156,31 @@ def _diagnose(
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
     remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
+    remarks += [] if timed is None else [timed.sentence]
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
     answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
+
+
+def _searched(
+    searched: Sequence[Series], others: Sequence[Series], way: _Way, closed: ClosedForm
+) -> tuple[_Start, Cut, Searched]:
+    """Where causes are searched, all windows that no fit sees, and what was found."""
+    start = _start(*cut(searched), way)
+    unseen = _with(start.held_out, others)
+    return start, unseen, _search(start, unseen, way, closed)
+
+
+def _timed_otherwise(
+    start: _Start, found: Searched, recordings: Sequence[Recording], asked: Options, way: _Way
+) -> OtherTiming | None:
+    """How commands were given where neither the user nor a recording says when, and a cause is spared."""
+    chosen = found.chosen
+    if asked.hold is not None or any(one.t_u is not None for one in recordings):
+        return None
+    without = {name: one.found for name, one in chosen.without.items()}
+    return other_timing(chosen.found, without, start.held_out, way.parallel)
 
 
 def told_gain(answer: Diagnosis, fixed: Mapping[str, Mapping[str, float]]) -> float:
@@ -193,7 +220,7 @@ def nominal_conditions(recordings: Sequence[Recording]) -> dict[str, float]:
 
 def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, ClosedForm, list[str]]:
     """What y is, Eq. 1 in closed form, and what is said where nobody tells what y is."""
-    told = UserValues(asked.hold, asked.gain, asked.delay)
+    told = UserValues(asked.hold or "zero", asked.gain, asked.delay)
     if asked.output is not None:
         return asked.output, closed_form(recordings, asked.output, told), []
     tried: dict[Output, ClosedForm] = {

@@ -41,7 +41,7 @@ def _run(record: NDArray[np.void], cut: Cut, start: Array, *, states: bool) -> t
     seen, within = [], []
     orifice = bool(np.isfinite(record[0]["square_root_flow_supply"]))
     for one, own, first, last, reach in cut.runs:
-        begin = float(min(one.t[0], one.t_u[0]))
+        begin = float(min(one.t[0], one.drive[0][0]))
         valve, load = new_state(record, begin), new_state(record, begin)
         load["origin"] = one.t[0]
         y = np.empty(len(one.t))

@@ -128,6 +128,25 @@ PERIOD: Final = CommandPeriod()
 
 
 @dataclass(frozen=True, slots=True)
+class CommandTiming:
+    """Commands that were recorded late, or seldom."""
+
+    leads: int = 3
+    """[-] Times that are tried, up to a row earlier. Chosen: a quarter of a row is left at most."""
+    fewest: int = 50
+    """[changes] Of the command, without which nothing is asked. Chosen."""
+    mostly: float = 0.5
+    """[-] Of the looks after which the command has to be another one. Chosen: not of steps and relays."""
+    most_rows: int = 8
+    """[rows] From one look to the next, at most. Chosen."""
+    fit_steps: int = 20
+    """[steps] Of a fit with other commands. Chosen."""
+
+
+COMMAND_TIMING: Final = CommandTiming()
+
+
+@dataclass(frozen=True, slots=True)
 class DaemonPart:
     """A part of a daemon's recording in one mode."""
 

@@ -1,0 +1,58 @@
+"""Commands that a logger took late, or seldom: recorded as steps, while they ran on between two looks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.record.series import straight_on
+from seod.diagnose.tuning.record import COMMAND_TIMING
+
+if TYPE_CHECKING:
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.result import Array
+
+
+class Timing(NamedTuple):
+    """Commands that run straight on from look to look.
+
+    Attributes:
+        lead: By how much earlier than recorded they were given [s].
+    """
+
+    lead: float
+
+    def of(self, one: Series) -> Series:
+        """A recording with such commands."""
+        rows = _looks(one.u)
+        t_u, u = one.t_u, one.u
+        if rows > 1:
+            seen = np.arange(int(np.flatnonzero(np.diff(u))[0] + 1) % rows, len(u), rows)
+            u = np.interp(t_u, t_u[seen], u[seen])
+        return replace(one, drive=straight_on(t_u - self.lead, u))
+
+
+def timings(one: Series) -> list[Timing]:
+    """How commands may have been given other than recorded; none where they stay for many rows.
+
+    From half a row later than straight on, as steps from row to row would be, to a row earlier.
+    """
+    rows = _looks(one.u)
+    if not rows or one.drive[0] is not one.t_u:
+        return []
+    least = -0.5 if rows > 1 else 0.0
+    leads: Array = np.linspace(least, 1.0, COMMAND_TIMING.leads)
+    return [Timing(float(lead * one.tick)) for lead in leads]
+
+
+def _looks(u: Array) -> int:
+    """Rows from one look at the commands to the next; 0 where they stay for longer than that."""
+    changes = np.flatnonzero(np.diff(u))
+    if len(changes) < COMMAND_TIMING.fewest:
+        return 0
+    apart = np.bincount(np.diff(changes))
+    rows = int(np.argmax(apart))
+    regular = apart[rows] >= COMMAND_TIMING.mostly * (len(u) / rows)
+    return rows if regular and rows <= COMMAND_TIMING.most_rows else 0

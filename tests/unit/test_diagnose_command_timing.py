@@ -1,0 +1,142 @@
+"""Commands that a logger took late, or seldom.
+
+The plant is stepped by the exponential of its matrix, sixteen times in each row, apart from `sim`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from seod.data import Recording
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.pipeline import Options, diagnose
+from seod.diagnose.record.command_timing import timings
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import cut, fitted_windows
+from seod.diagnose.search.other_timing import other_timing
+from seod.diagnose.starts.baseline import _rough
+from seod.diagnose.starts.sizes import scales
+
+K_L, OMEGA_N, ZETA, RATE = 20.0, 90.0, 0.2, 500.0
+N, FINER = 6000, 16
+T = np.arange(N) / RATE
+
+
+def volts(t):
+    """A multisine up to 20 Hz."""
+    lines = np.arange(1, 41)
+    return 0.2 * np.sin(2.0 * np.pi * 0.5 * t[:, None] * lines + lines**2).sum(axis=1)
+
+
+def moved(stiff=0.0):
+    """Positions at the rows under commands that run on between them, with a spring beside the oil's."""
+    a = np.zeros((4, 4))  # position, speed, acceleration by the oil, command
+    a[0, 1] = a[1, 2] = 1.0
+    a[1, 0] = -stiff * OMEGA_N**2
+    a[2, 1], a[2, 2], a[2, 3] = -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N, K_L * OMEGA_N**2
+    step = expm(a / (RATE * FINER))
+    u = volts((np.arange(N * FINER) + 0.5) / (RATE * FINER))
+    state, y = np.zeros(4), np.empty(N)
+    for k in range(N * FINER):
+        if k % FINER == 0:
+            y[k // FINER] = state[0]
+        state[3] = u[k]
+        state = step @ state
+    return y + np.random.default_rng(1).normal(0.0, 0.002 * np.std(y), N)
+
+
+def recorded(u, y=None, hold="zero"):
+    y = np.cumsum(u) if y is None else y
+    empty = Recording((Path("r.csv"),), T, u, y, None, None, None, np.arange(1, N + 1), {}, {}, ())
+    return empty, series(empty, hold=hold)
+
+
+def seldom(rows):
+    at = np.arange(N)
+    return volts(T)[at - at % rows]
+
+
+def test_commands_of_each_row_may_have_been_a_row_earlier():
+    leads = [each.lead * RATE for each in timings(recorded(volts(T))[1])]
+    assert leads == pytest.approx([0.0, 0.5, 1.0])
+
+
+def test_commands_that_were_seldom_looked_at_may_have_changed_each_row():
+    leads = [each.lead * RATE for each in timings(recorded(seldom(4))[1])]
+    assert leads[0] == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize(
+    ("u", "hold"),
+    [
+        pytest.param(np.sign(np.sin(9.0 * T) + 1e-9), "zero", id="a relay"),
+        pytest.param(np.floor(T), "zero", id="steps"),
+        pytest.param(seldom(20), "zero", id="a controller that is far slower"),
+        pytest.param(volts(T), "first", id="the user tells that they run on"),
+    ],
+)
+def test_others_are_as_they_were_recorded(u, hold):
+    assert timings(recorded(u, hold=hold)[1]) == []
+
+
+def apart(one, timing, late=0.0):
+    """Commands as they are given to the plant, less what they were; in deviations of the command."""
+    t, given = timing.of(one).drive
+    seen = t < T[-1] - 1.0
+    return np.std(given[seen] - volts(t[seen] + (0.125 + late) / RATE)) / np.std(given)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 1.0])
+def test_they_are_given_back_as_they_ran(late):
+    _, one = recorded(volts(T - late / RATE))
+    errors = {each.lead * RATE: apart(one, each) for each in timings(one)}
+    assert min(errors, key=errors.get) == pytest.approx(late)
+    assert min(errors.values()) < 0.03
+
+
+def test_between_two_looks_they_run_on():
+    _, one = recorded(seldom(4))
+    later = timings(one)[0]
+    assert apart(one, later, -0.5) < 0.1 < np.std(volts(T) - seldom(4)) / np.std(volts(T))
+
+
+def timed(late, stiffness, stiff=0.0):
+    """Whether a set does without one of its causes where commands are earlier than recorded."""
+    _, one = recorded(volts(T - late / RATE), moved(stiff))
+    to_fit, held_out = cut([one])
+    small = fitted_windows(to_fit)
+    model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
+    x = model.searched({"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA})
+    plain = fit(model, small, x, simulated_states(model, x, small))
+    grown = model.__class__(scales(plain, small), (), model.coordinates, {}, model.sees_speed)
+    grown = grown.with_effect("load_spring")
+    start = grown.searched(
+        {each.place: 0.0 for each in grown.coordinates}
+        | {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, "load_spring.stiffness": stiffness}
+    )
+    found = fit(grown, small, start, simulated_states(grown, start, small))
+    return other_timing(found, {"load_spring": plain}, held_out, map)
+
+
+def test_a_cause_that_stands_for_late_commands_is_spared():
+    told = timed(1.0, 1.0)
+    assert told is not None
+    assert told.spares == "load_spring"
+    assert told.timing.lead * RATE == pytest.approx(1.0)
+    assert "0.002 s earlier" in told.sentence
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_cause_that_is_there_stays(late):
+    assert timed(late, 0.02 * OMEGA_N**2, stiff=0.02) is None
+
+
+@pytest.mark.computes
+def test_a_record_of_late_commands_has_no_cause_and_says_so():
+    late, _ = recorded(volts(T - 1.0 / RATE), moved())
+    told = diagnose([late], options=Options(effort="quick"))
+    assert told.verdict == "clean"
