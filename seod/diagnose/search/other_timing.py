@@ -38,8 +38,7 @@ class OtherTiming(NamedTuple):
         when = f", {abs(lead):.3g} s {'earlier' if lead > 0.0 else 'later'} than recorded" if lead else ""
         return (
             f"commands are taken to run straight on from look to look{when}: as they are recorded they need "
-            f"{self.spares} as well. A logger that looks late, or seldom, makes such records. --hold says how "
-            "commands run"
+            f"{self.spares} as well. A logger that looks late, or seldom, makes such records; see --hold"
         )
 
 
