@@ -141,12 +141,10 @@ def _diagnose(
         way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
         progress("fitting Eq. 1", 0.0)
         others = in_blocks(every[len(recordings) :])
-        start, unseen, found = _searched(searched, others, way, closed)
-        timed = _timed_otherwise(start, found, recordings, asked, way)
-        if timed is not None:
-            searched, others = ([timed.timing.of(one) for one in part] for part in (searched, others))
-            way = way._replace(budget=Budget.of(rows, asked.effort))
-            start, unseen, found = _searched(searched, others, way, closed)
+        told, timed = _searched(searched, others, way, closed), None
+        if asked.hold is None and all(one.t_u is None for one in recordings):
+            told, timed = _timed_otherwise(told, (searched, others), way, closed)
+        start, unseen, found, budget = told
         if any(defects.has_outliers for defects in checked):
             found = trimmed(found)
         common = common_baseline(
@@ -163,24 +161,37 @@ def _diagnose(
     return answer
 
 
-def _searched(
-    searched: Sequence[Series], others: Sequence[Series], way: _Way, closed: ClosedForm
-) -> tuple[_Start, Cut, Searched]:
-    """Where causes are searched, all windows that no fit sees, and what was found."""
+class _Told(NamedTuple):
+    """Where causes are searched, all windows that no fit sees, what was found, and what that used."""
+
+    start: _Start
+    unseen: Cut
+    found: Searched
+    budget: Budget
+
+
+def _searched(searched: Sequence[Series], others: Sequence[Series], way: _Way, closed: ClosedForm) -> _Told:
+    """What is found in recordings; no choice sees the others."""
     start = _start(*cut(searched), way)
     unseen = _with(start.held_out, others)
-    return start, unseen, _search(start, unseen, way, closed)
+    return _Told(start, unseen, _search(start, unseen, way, closed), way.budget)
 
 
 def _timed_otherwise(
-    start: _Start, found: Searched, recordings: Sequence[Recording], asked: Options, way: _Way
-) -> OtherTiming | None:
-    """How commands were given where neither the user nor a recording says when, and a cause is spared."""
-    chosen = found.chosen
-    if asked.hold is not None or any(one.t_u is not None for one in recordings):
-        return None
+    told: _Told, every: tuple[Sequence[Series], Sequence[Series]], way: _Way, closed: ClosedForm
+) -> tuple[_Told, OtherTiming | None]:
+    """What is found where commands were given other than recorded, if a cause is not needed then."""
+    chosen = told.found.chosen
     without = {name: one.found for name, one in chosen.without.items()}
-    return other_timing(chosen.found, without, start.held_out, way.parallel)
+    timed = other_timing(chosen.found, without, told.start.held_out, way.parallel)
+    if timed is None:
+        return told, None
+    searched, others = ([timed.timing.of(one) for one in part] for part in every)
+    anew = way._replace(
+        budget=way.budget.anew(), progress=lambda what, _: way.progress(what, PIPELINE.searched_again)
+    )
+    again = _searched(searched, others, anew, closed)
+    return (told, None) if len(again.found.effects) > len(told.found.effects) else (again, timed)
 
 
 def told_gain(answer: Diagnosis, fixed: Mapping[str, Mapping[str, float]]) -> float:

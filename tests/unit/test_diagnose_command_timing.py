@@ -14,7 +14,7 @@ from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.pipeline import Options, diagnose
-from seod.diagnose.record.command_timing import timings
+from seod.diagnose.record.command_timing import Timing, timings
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, fitted_windows
 from seod.diagnose.search.other_timing import other_timing
@@ -61,13 +61,11 @@ def seldom(rows):
 
 
 def test_commands_of_each_row_may_have_been_a_row_earlier():
-    leads = [each.lead * RATE for each in timings(recorded(volts(T))[1])]
-    assert leads == pytest.approx([0.0, 0.5, 1.0])
+    assert [each.lead for each in timings([recorded(volts(T))[1]])] == [0.0, 0.5, 1.0]
 
 
 def test_commands_that_were_seldom_looked_at_may_have_changed_each_row():
-    leads = [each.lead * RATE for each in timings(recorded(seldom(4))[1])]
-    assert leads[0] == pytest.approx(-0.5)
+    assert min(each.lead for each in timings([recorded(seldom(4))[1]])) == -0.5
 
 
 @pytest.mark.parametrize(
@@ -80,7 +78,14 @@ def test_commands_that_were_seldom_looked_at_may_have_changed_each_row():
     ],
 )
 def test_others_are_as_they_were_recorded(u, hold):
-    assert timings(recorded(u, hold=hold)[1]) == []
+    one = recorded(u, hold=hold)[1]
+    assert timings([one]) == []
+    assert hold == "first" or Timing(1.0).of(one) is one
+
+
+def test_recordings_that_were_looked_at_otherwise_have_nothing_in_common():
+    assert timings([recorded(volts(T))[1], recorded(seldom(4))[1]]) == []
+    assert timings([recorded(volts(T))[1]] * 2)
 
 
 def apart(one, timing, late=0.0):
@@ -93,14 +98,14 @@ def apart(one, timing, late=0.0):
 @pytest.mark.parametrize("late", [0.0, 0.5, 1.0])
 def test_they_are_given_back_as_they_ran(late):
     _, one = recorded(volts(T - late / RATE))
-    errors = {each.lead * RATE: apart(one, each) for each in timings(one)}
+    errors = {each.lead: apart(one, each) for each in timings([one])}
     assert min(errors, key=errors.get) == pytest.approx(late)
     assert min(errors.values()) < 0.03
 
 
 def test_between_two_looks_they_run_on():
     _, one = recorded(seldom(4))
-    later = timings(one)[0]
+    later = timings([one])[0]
     assert apart(one, later, -0.5) < 0.1 < np.std(volts(T) - seldom(4)) / np.std(volts(T))
 
 
@@ -126,7 +131,7 @@ def test_a_cause_that_stands_for_late_commands_is_spared():
     told = timed(1.0, 1.0)
     assert told is not None
     assert told.spares == "load_spring"
-    assert told.timing.lead * RATE == pytest.approx(1.0)
+    assert told.timing.lead == 1.0
     assert "0.002 s earlier" in told.sentence
 
 

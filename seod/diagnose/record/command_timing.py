@@ -11,6 +11,8 @@ from seod.diagnose.record.series import straight_on
 from seod.diagnose.tuning.record import COMMAND_TIMING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array
 
@@ -19,32 +21,33 @@ class Timing(NamedTuple):
     """Commands that run straight on from look to look.
 
     Attributes:
-        lead: By how much earlier than recorded they were given [s].
+        lead: By how many rows earlier than recorded they were given.
     """
 
     lead: float
 
     def of(self, one: Series) -> Series:
-        """A recording with such commands."""
+        """A recording with such commands; as it is where they stay for many rows."""
         rows = _looks(one.u)
+        if not rows:
+            return one
         t_u, u = one.t_u, one.u
         if rows > 1:
             seen = np.arange(int(np.flatnonzero(np.diff(u))[0] + 1) % rows, len(u), rows)
             u = np.interp(t_u, t_u[seen], u[seen])
-        return replace(one, drive=straight_on(t_u - self.lead, u))
+        return replace(one, drive=straight_on(t_u - self.lead * one.tick, u))
 
 
-def timings(one: Series) -> list[Timing]:
+def timings(every: Sequence[Series]) -> list[Timing]:
     """How commands may have been given other than recorded; none where they stay for many rows.
 
     From half a row later than straight on, as steps from row to row would be, to a row earlier.
     """
-    rows = _looks(one.u)
-    if not rows or one.drive[0] is not one.t_u:
+    looks = {_looks(one.u) for one in every}
+    if len(looks) > 1 or 0 in looks or any(one.drive[0] is not one.t_u for one in every):
         return []
-    least = -0.5 if rows > 1 else 0.0
-    leads: Array = np.linspace(least, 1.0, COMMAND_TIMING.leads)
-    return [Timing(float(lead * one.tick)) for lead in leads]
+    leads: Array = np.linspace(0.0 if 1 in looks else -0.5, 1.0, COMMAND_TIMING.leads)
+    return [Timing(lead) for lead in leads.tolist()]
 
 
 def _looks(u: Array) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal
 
 from seod.diagnose.fitting.work import used_s
@@ -61,6 +61,10 @@ class Budget:
             further=min(part, 1.0) * further,
             safety=(time.monotonic, patience),
         )
+
+    def anew(self) -> Budget:
+        """The same, of which nothing was used."""
+        return replace(self, missed=False)
 
     @property
     def total(self) -> float:

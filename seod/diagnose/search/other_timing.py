@@ -25,17 +25,19 @@ class OtherTiming(NamedTuple):
 
     Attributes:
         timing: How.
-        spares: Causes that are not needed then.
+        spares: Cause that is not needed then.
+        lead: By how much earlier than recorded that is [s].
     """
 
     timing: Timing
     spares: str
+    lead: float
 
     @property
     def sentence(self) -> str:
         """A remark."""
-        lead = self.timing.lead
-        when = f", {abs(lead):.3g} s {'earlier' if lead > 0.0 else 'later'} than recorded" if lead else ""
+        way = "earlier" if self.lead > 0.0 else "later"
+        when = f", {abs(self.lead):.3g} s {way} than recorded" if self.lead else ""
         return (
             f"commands are taken to run straight on from look to look{when}: as they are recorded they need "
             f"{self.spares} as well. A logger that looks late, or seldom, makes such records; see --hold"
@@ -53,12 +55,16 @@ def other_timing(
         held_out: Windows that no fit has seen.
         parallel: Maps a function over fits.
     """
-    every = timings(found.cut.series[0]) if len(found.cut.series) == 1 else []
-    own = Judged.of(found, held_out)
-    trials = [(name, one, timing) for name, one in without.items() if EFFECTS[name].cause for timing in every]
+    own, tick = Judged.of(found, held_out), found.cut.series[0].tick
+    trials = [
+        (name, one, timing)
+        for name, one in without.items()
+        if EFFECTS[name].cause
+        for timing in timings(found.cut.series)
+    ]
     told = list(parallel(lambda each: _timed(each[1], held_out, each[2]), trials))
     better = [
-        (one.held.log_error + one.found.cost, OtherTiming(timing, name))
+        (one.held.log_error + one.found.cost, OtherTiming(timing, name, timing.lead * tick))
         for (name, _, timing), one in zip(trials, told, strict=True)
         if one.held.log_error <= own.held.log_error and one.found.cost <= own.found.cost
     ]

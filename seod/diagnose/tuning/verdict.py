@@ -114,10 +114,12 @@ UNEXPLAINED: Final = Unexplained()
 
 @dataclass(frozen=True, slots=True)
 class Pipeline:
-    """Recordings that are refused."""
+    """Recordings that are refused, and what is told while they are searched."""
 
     mostly_noise: float = 0.7
     """[-] NRMSE of noise alone from which on nothing can be identified. Chosen."""
+    searched_again: float = 0.8
+    """[-] Of all work, that is told while causes are searched with other commands. Chosen."""
 
 
 PIPELINE: Final = Pipeline()
