@@ -110,7 +110,7 @@ static double stiffness(const Plant *p, const State *s) {
 static double steady_drive(const Plant *p, const State *s, double t, double pressure, double position) {
   double total = pressure - p->load_bias_acceleration - p->load_spring_stiffness * (position - p->load_spring_centre);
   total -= p->load_bias_drift * (t - s->origin);
-  return total + p->measured_disturbance_gain * s->force;
+  return total + p->measured_disturbance_gain * (s->force - p->measured_disturbance_zero);
 }
 
 static double drive(const Plant *p, const State *s, double t, double pressure, double position, double coupled) {

@@ -230,7 +230,7 @@ def steady_drive(p: Record, s: Record, t: float, pressure: float, position: floa
     """Likewise, without what oscillates and without a second inertia."""
     total = pressure - p.load_bias_acceleration - p.load_spring_stiffness * (position - p.load_spring_centre)
     total -= p.load_bias_drift * (t - s.origin)
-    return total + p.measured_disturbance_gain * s.force
+    return total + p.measured_disturbance_gain * (s.force - p.measured_disturbance_zero)
 
 
 @compiled

@@ -57,7 +57,7 @@ class Laws:
     def load(self, t, y):
         of = self.of
         angle = of("periodic_disturbance", "omega") * (t - self.start) + of("periodic_disturbance", "phase")
-        pushed = of("measured_disturbance", "gain") * self.force
+        pushed = of("measured_disturbance", "gain") * (self.force - of("measured_disturbance", "zero"))
         grown = of("load_bias", "drift") * (t - self.start)
         return self.spring(y) + grown - of("periodic_disturbance", "amplitude") * math.sin(angle) - pushed
 

@@ -194,6 +194,7 @@ def turns(name: str, of: str) -> bool:
     t, value = np.linspace(0.0, 0.3, 301), {f.name: f.null for f in EFFECTS[name].parameters} | {of: 0.4}
     value |= {"stiffness": 2e3} if (name, of) == ("load_spring", "centre") else {}
     value |= {"range": 1.0} if name == "static_valve_map" else {}
+    value |= {"gain": 30.0} if name == "measured_disturbance" else {}
     value |= {"order_2": 0.4} if name == "sensor_nonlinearity" else {}
     value |= {of: 0.4}
     runs = []

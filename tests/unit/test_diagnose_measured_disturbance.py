@@ -18,6 +18,8 @@ RATE, N = 1000.0, 12000
 K_L, OMEGA_N, ZETA = 17.0, 60.0, 0.35
 GAIN = 3.0
 """Acceleration for each unit of the channel [unit/s^2]."""
+ZERO = 5.0
+"""Of the channel above its mean, where it does nothing."""
 
 
 def channel(seed, mean=40.0):
@@ -49,7 +51,7 @@ def moved(u, force, gain=GAIN):
 @pytest.fixture(scope="module")
 def shaken():
     u, force = multisine(N), channel(7)
-    return u, force, moved(u, force - force.mean())
+    return u, force, moved(u, force - force.mean() - ZERO)
 
 
 @pytest.mark.slow
@@ -61,6 +63,9 @@ def test_what_the_channel_does_is_named_with_its_gain(shaken):
     low, high = told.effects[0].parameters["gain"].ci95
     assert low <= GAIN <= high
     assert high - low < 0.1 * GAIN
+    low, high = told.effects[0].parameters["zero"].ci95
+    assert low <= ZERO <= high
+    assert high - low < 0.1 * ZERO
     assert abs(told.extended.K_L - K_L) < 2e-3 * K_L
     json.dumps(told.as_json(), allow_nan=False)
 

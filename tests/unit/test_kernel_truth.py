@@ -248,7 +248,9 @@ def test_a_held_reading_keeps_its_noise_and_its_counts():
 @pytest.mark.parametrize("names", [(), ("coulomb_friction",), ("load_resonance",)])
 def test_a_measured_disturbance_pushes_the_load(names, sees_speed):
     force = 3.0 + np.sin(40.0 * T)
-    effects = {name: EFFECTS_ON[name] for name in names} | {"measured_disturbance": {"gain": 30.0}}
+    effects = {name: EFFECTS_ON[name] for name in names} | {
+        "measured_disturbance": {"gain": 30.0, "zero": -2.0}
+    }
     y = follow(record(effects=effects, sees_speed=sees_speed), T_U, U, T, force=force)[0]
     plant = Plant(K_L, OMEGA_N, ZETA, effects, sees_speed=sees_speed)
     assert apart(y, true_follow(plant, T_U, U, T, force=force)) < 1e-5

@@ -33,8 +33,11 @@ PERIODIC_DISTURBANCE: Final = Cause(
 MEASURED_DISTURBANCE: Final = Cause(
     name="measured_disturbance",
     says="What the recording's channel f shows acts on the load: a force, the pressure of another circuit.",
-    coordinates=lambda s: (signed("gain", s.pressure / max(s.force, LEAST_FORCE), FAR),),
-    starts=lambda s: tuple((x * s.pressure / max(s.force, LEAST_FORCE),) for x in GAINS),
+    coordinates=lambda s: (
+        signed("gain", s.pressure / max(s.force, LEAST_FORCE), FAR),
+        signed("zero", max(s.force, LEAST_FORCE), FAR),
+    ),
+    starts=lambda s: tuple((x * s.pressure / max(s.force, LEAST_FORCE), 0.0) for x in GAINS),
     searched=lambda s: s.force > 0.0,
 )
 DISTURBANCE: Final = (PERIODIC_DISTURBANCE, MEASURED_DISTURBANCE)
