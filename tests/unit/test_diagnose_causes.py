@@ -13,9 +13,15 @@ from kernel_cases import K_L, OMEGA_N, ZETA, apart, follow, record, steps
 
 import seod.diagnose
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.causes.table import CAUSES, further_causes, group, searched_causes, sentence
+from seod.diagnose.causes.table import (
+    CAUSES,
+    answered_as,
+    further_causes,
+    group,
+    searched_causes,
+    sentence,
+)
 from seod.diagnose.fitting.model import baseline_model, grouped
-from seod.diagnose.verdict.effects import answered_as
 from sim.effects import EFFECTS
 from sim.windows import START
 

@@ -59,6 +59,11 @@ MIRRORED: Final = frozenset(f"{name}.{of}" for name, one in CAUSES.items() for o
 """Places of parameters that turn their sign with that of the command."""
 
 
+def answered_as(name: str) -> str:
+    """The name by which the answer has an effect: its own, or that of the cause that it counts as."""
+    return EFFECTS[name].counts_as or name
+
+
 def group(name: str, scales: Scales) -> Group:
     """What is searched for a cause of this name; a wave begins without its number.
 

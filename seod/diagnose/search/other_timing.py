@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from seod.diagnose.causes.table import answered_as
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
@@ -64,7 +65,7 @@ def other_timing(
     ]
     told = list(parallel(lambda each: _timed(each[1], held_out, each[2]), trials))
     better = [
-        (one.held.log_error + one.found.cost, OtherTiming(timing, name, timing.lead * tick))
+        (one.held.log_error + one.found.cost, OtherTiming(timing, answered_as(name), timing.lead * tick))
         for (name, _, timing), one in zip(trials, told, strict=True)
         if one.held.log_error <= own.held.log_error and one.found.cost <= own.found.cost
     ]

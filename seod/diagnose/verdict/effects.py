@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, OFFSET, further_causes
+from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, further_causes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
 from seod.diagnose.record.sweep import sweeps
@@ -87,11 +87,6 @@ def found_effects(
         again = _in_other_recordings(chosen, OFFSET)
         out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value, holdout=again))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
-
-
-def answered_as(name: str) -> str:
-    """The name by which the answer has an effect: its own, or that of the cause that it counts as."""
-    return EFFECTS[name].counts_as or name
 
 
 def _indistinguishable(name: str, others: Sequence[str]) -> tuple[str, ...]:
