@@ -55,8 +55,16 @@ def test_a_command_that_runs_straight_on_is_simulated_so(monkeypatch):
     assert (told["verdict"], told["effects"]) == ("clean", [])
     assert numbers(told["baseline"]) == pytest.approx((12.0, 60.0, 0.4), rel=0.01)
     monkeypatch.setitem(EFFORTS, "quick", 0.02)  # of the other its baseline is asked alone
-    held = diagnose([recording], (), Options("velocity", effort="quick")).as_json()
+    held = diagnose([recording], (), Options("velocity", effort="quick", hold="zero")).as_json()
     assert held["baseline"]["holdout_nrmse"] > 4.0 * told["baseline"]["holdout_nrmse"]
+
+
+def test_where_nobody_says_so_it_is_found_and_told():
+    recording = recorded(speed=True, hold="first", plant=(12.0, 60.0, 0.4))
+    told = diagnose([recording], (), Options("velocity", effort="quick")).as_json()
+    assert (told["verdict"], told["effects"]) == ("clean", [])
+    assert numbers(told["baseline"]) == pytest.approx((12.0, 60.0, 0.4), rel=0.01)
+    assert any("straight on" in each for each in told["remarks"])
 
 
 @pytest.mark.parametrize(("speed", "output", "kind"), [(True, "velocity", 0), (False, "position", 1)])
