@@ -19,7 +19,7 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--disable-dev-shm-usage", "--hide-scrollbars"),
 )
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Page:
@@ -52,7 +52,10 @@ class Page:
             time.sleep(0.05)
 
     def until_text(self, element: str, part: str, patience_s: float = PATIENCE_S) -> None:
-        self.until(lambda: part in self.text(element), f"#{element} never said {part!r}", patience_s)
+        try:
+            self.until(lambda: part in self.text(element), f"#{element} never said {part!r}", patience_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; it says {self.text(element)!r}") from None
 
     def put(self, element: str, value: str) -> None:
         """Type into a field as a person does."""
