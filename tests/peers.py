@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -74,12 +75,14 @@ class Rpc:
     def wait_for(self, what: str, fits: Callable[[Json], bool]) -> Json:
         """The first notification that fits, those already heard included; takes it and all before it."""
         deadline = time.monotonic() + PATIENCE_S
+        others: Counter[str] = Counter()
         while time.monotonic() < deadline:
             message = self.heard.pop(0) if self.heard else self.next()
             if fits(message):
                 return message
             assert message.get("params", {}).get("event") != "fault", f"waiting for {what}: {message}"
-        raise AssertionError(f"not within {PATIENCE_S:g} s: {what}")
+            others[_in_short(message)] += 1
+        raise AssertionError(f"not within {PATIENCE_S:g} s: {what}, but {dict(others.most_common(20))}")
 
     def event(self, **wanted: Any) -> Json:
         """The first event with these values."""
@@ -116,6 +119,13 @@ def _recovers(rpc: Rpc, axis: str) -> bool:
         print(why)
         return False
     return True
+
+
+def _in_short(message: Json) -> str:
+    """What a notification says, without its numbers."""
+    params = message.get("params", {})
+    words = (params.get(name) for name in ("event", "code", "state", "quality", "advice"))
+    return " ".join([message.get("method", "answer"), *(str(each) for each in words if each)])
 
 
 def _near_zero(message: Json, axis: str, within: float) -> bool:
