@@ -55,7 +55,7 @@ def read(
         ps: Supply pressure [Pa], shape (n,).
         temperature: Of the oil [K], shape (n,).
         f: Measured disturbance, such as a force on the load, shape (n,).
-        columns: Names that differ: `"t=time,u=cmd,y=pos"`, or a mapping.
+        columns: Names that differ: `"t=time,u=cmd,y=pos"`, or a mapping. `t=50Hz` where rows tell no time.
         units: Units where the data tell none, or wrong ones: `"y=deg,u=mV"`, or a mapping.
         axis: Of data with several.
         dbc: For a log of CAN frames.

@@ -185,7 +185,11 @@ Duration = Annotated[
     typer.Option("--for", **seconds(), help="End after this long, such as 30 or '2 min'."),
 ]
 Columns = Annotated[
-    str, typer.Option(metavar="NAMES", help="Columns whose names differ: t=time,u=cmd,y=pos.")
+    str,
+    typer.Option(
+        metavar="NAMES",
+        help="Columns whose names differ: t=time,u=cmd,y=pos. t=50Hz: rows come at this rate.",
+    ),
 ]
 Units = Annotated[
     str, typer.Option(metavar="UNITS", help="Units where the file tells none, or wrong ones: y=deg,u=mV.")

@@ -226,6 +226,7 @@ def _missing(source: Source, name: str, role: str | None) -> str:
     several = len(source.groups) > 1
     names = [f"{g.name}.{c.name}" if several else c.name for g in source.groups for c in g.columns]
     hint = f"; `--columns {role}=NAME` says which it is" if role else ""
+    hint += ", `t=50Hz` that rows come at this rate" if role == "t" else ""
     return f"{source.path}: no column {name!r}; {suggest(name, names, 'columns')}{hint}"
 
 

@@ -16,6 +16,7 @@ from seod.data import describe
 from seod.data.align import commands, held
 from seod.data.clock import Clock
 from seod.data.columns import TIMES, parse_pairs, resolve
+from seod.data.constant_rate import with_times
 from seod.data.open import open_source
 from seod.data.problems import Problem, clipped, remarks, value_problems
 from seod.data.progress import shown
@@ -121,6 +122,7 @@ def read(
     Args:
         paths: CSV (plain or gzip), Parquet, MAT, MCAP, MDF or CAN log.
         columns: `t=time,u=cmd,y=pos` where names differ; `t_u`, `ps`, `temperature` and `f` likewise.
+            `t=50Hz` where rows tell no time and come at this rate.
         units: `y=deg,u=mV` where the file tells none, or wrong ones.
         axis: Of a file with several: `motor` reads `motor.t`, `motor.u`, ...
         dbc: For a CAN log.
@@ -137,7 +139,8 @@ def read(
     parts = []
     for path in files:
         with open_source(path, dbc) as source:
-            parts.append(_one(source, resolve(source, mapping, given, axis, of_rig), between))
+            timed, named = with_times(source, mapping)
+            parts.append(_one(timed, resolve(timed, named, given, axis, of_rig), between))
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
@@ -155,7 +158,8 @@ def read_table(
         ReadError: Names row and column as far as there are any.
     """
     mapping, given = _pairs(columns, "columns"), _pairs(units, "units")
-    return replace(_one(table, resolve(table, mapping, given, axis, of_rig), between), table=table)
+    timed, named = with_times(table, mapping)
+    return replace(_one(timed, resolve(timed, named, given, axis, of_rig), between), table=table)
 
 
 def _pairs(pairs: str | Mapping[str, str], option: str) -> Mapping[str, str]:
