@@ -29,6 +29,7 @@ run: $(RUNS)
 # What uses one processor goes two at a time. By name, not by count of tests: those that take longest are not last.
 UNIT := $(BIN)/pytest tests/unit -n auto --dist loadfile --no-loadscope-reorder
 BLIND := $(BIN)/pytest tests/blind -n auto
+COMPUTES := $(BIN)/pytest tests/blind tests/unit/test_diagnose_*.py -m computes -n auto --dist loadfile --timeout=1200
 NOTEBOOK := $(BIN)/pytest -p nbmake.pytest_plugin --nbmake docs/start/notebook.ipynb
 
 # Diagnoses compute, and tests of processes mostly wait: side by side they use all processors.
@@ -37,12 +38,13 @@ test: $(READY)
 	$(UNIT) -m "not computes"
 	$(MAKE) --jobs=2 test-rest test-computes
 
-# It gives way to the daemons of the other tests, and shows what it prints when it has ended. A module at a time: what its
-# tests share is computed once. The time limit is that of a processor that others use first.
+# It gives way to the daemons of the other tests, and shows what it prints when it has ended. A daemon is a session of its
+# own, and Linux shares processors out among sessions first (autogroups): so these are one, too, of the least weight. A module
+# at a time: what its tests share is computed once. The time limit is that of a processor that others use first.
 test-computes: $(READY)
 	@mkdir -p build
-	nice -n 19 $(BIN)/pytest tests/blind tests/unit/test_diagnose_*.py -m computes -n auto --dist loadfile --timeout=1200 \
-		>build/computes.txt 2>&1; code=$$?; cat build/computes.txt; exit $$code
+	setsid sh -c 'echo 19 2>/dev/null >/proc/self/autogroup; exec nice -n 19 $(COMPUTES)' >build/computes.txt 2>&1 & session=$$!; \
+		trap "kill -- -$$session" INT TERM; wait $$session; code=$$?; cat build/computes.txt; exit $$code
 
 test-rest: $(READY)
 	$(BIN)/pytest tests --ignore=tests/unit --ignore=tests/blind
