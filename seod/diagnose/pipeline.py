@@ -21,7 +21,14 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.record.blocks import in_blocks
-from seod.diagnose.record.closed_form import ClosedForm, UserValues, closed_form, output_type
+from seod.diagnose.record.closed_form import (
+    ClosedForm,
+    Types,
+    UserValues,
+    closed_form,
+    output_types,
+    taken_for,
+)
 from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
@@ -39,6 +46,7 @@ from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.record import CLOSED_FORM
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Searched, answered, trimmed
 from seod.diagnose.verdict.effects import Chosen, found_effects
@@ -51,6 +59,7 @@ if TYPE_CHECKING:
     from seod.data import Recording
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.work import ParallelMap
+    from seod.diagnose.record.defects import Defects
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Diagnosis, Hold, Output
     from seod.diagnose.search.budget import Effort
@@ -114,64 +123,87 @@ def _diagnose(
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
     recordings, holdout, unbelieved = _believed(recordings, holdout)
-    output, closed, typed = _typed(recordings, asked)
-    sees_speed = output == "velocity"
+    types = _types(recordings, asked)
     rig = rated(asked.config, asked.axis)
-    nominal = nominal_conditions(recordings) | rig.conditions
     checked = [examine(each) for each in (*recordings, *holdout)]
-    every = [
-        series(
-            each,
-            defects.bad,
-            sees_speed=sees_speed,
-            step=defects.step,
-            late=defects.late,
-            taken=defects.taken,
-            hold=asked.hold or "zero",
-            nominal_ps=nominal.get("nominal_ps"),
-            nominal_temperature=nominal.get("nominal_temperature"),
-            nominal_f=nominal.get("nominal_f"),
-        )
-        for each, defects in zip((*recordings, *holdout), checked, strict=True)
-    ]
-    searched = in_blocks(every[: len(recordings)])
-    rows = sum(last - first for one in searched for first, last in one.blocks)
-    budget = Budget.of(rows, asked.effort)
+    rows = _Rows(recordings, holdout, checked, asked.hold, nominal_conditions(recordings) | rig.conditions)
     with ThreadPoolExecutor(processors()) as pool:
-        way = _Way(sees_speed, _fixed(asked, rig.effects), counted(pool.map), budget, progress)
+        parallel, fixed = counted(pool.map), _fixed(asked, rig.effects)
+
+        def searched_as(output: Output, show: Progress) -> _Told:
+            every = rows.series(sees_speed=output == "velocity")
+            samples = sum(last - first for one in every[0] for first, last in one.blocks)
+            way = _Way(output == "velocity", fixed, parallel, Budget.of(samples, asked.effort), show)
+            told = _searched(every, way, types.closed[output])
+            given = asked.hold is not None or any(one.t_u is not None for one in recordings)
+            return told if given else _timed_otherwise(told, every, way, types.closed[output])
+
         progress("fitting Eq. 1", 0.0)
-        others = in_blocks(every[len(recordings) :])
-        told, timed = _searched(searched, others, way, closed), None
-        if asked.hold is None and all(one.t_u is None for one in recordings):
-            told, timed = _timed_otherwise(told, (searched, others), way, closed)
-        start, unseen, found, budget = told
+        told, output, typed = _as_either(types, searched_as, progress)
+        start, unseen, found, budget, timed = told
         if any(defects.has_outliers for defects in checked):
             found = trimmed(found)
         common = common_baseline(
-            start.base.found, start.to_fit, start.held_out, closed, way.fixed, way.parallel
+            start.base.found, start.to_fit, start.held_out, types.closed[output], fixed, parallel
         )
     progress("comparing", 0.9)
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
     remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
     remarks += [] if timed is None else [timed.sentence]
+    searched = start.to_fit.series
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
     answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
     return answer
 
 
+class _Rows(NamedTuple):
+    """Recordings, those that no fit sees, their defects, how commands hold, and a model's conditions."""
+
+    recordings: Sequence[Recording]
+    holdout: Sequence[Recording]
+    checked: Sequence[Defects]
+    hold: Hold | None
+    nominal: Mapping[str, float]
+
+    def series(self, *, sees_speed: bool) -> tuple[Sequence[Series], Sequence[Series]]:
+        """As they are simulated."""
+        every = [
+            series(
+                each,
+                defects.bad,
+                sees_speed=sees_speed,
+                step=defects.step,
+                late=defects.late,
+                taken=defects.taken,
+                hold=self.hold or "zero",
+                nominal_ps=self.nominal.get("nominal_ps"),
+                nominal_temperature=self.nominal.get("nominal_temperature"),
+                nominal_f=self.nominal.get("nominal_f"),
+            )
+            for each, defects in zip((*self.recordings, *self.holdout), self.checked, strict=True)
+        ]
+        first = len(self.recordings)
+        return in_blocks(every[:first]), in_blocks(every[first:])
+
+
 class _Told(NamedTuple):
-    """Where causes are searched, all windows that no fit sees, what was found, and what that used."""
+    """Where causes are searched, all windows that no fit sees, what was found, and what that used.
+
+    `timed` is when commands were given, where that was found.
+    """
 
     start: _Start
     unseen: Cut
     found: Searched
     budget: Budget
+    timed: OtherTiming | None = None
 
 
-def _searched(searched: Sequence[Series], others: Sequence[Series], way: _Way, closed: ClosedForm) -> _Told:
-    """What is found in recordings; no choice sees the others."""
+def _searched(every: tuple[Sequence[Series], Sequence[Series]], way: _Way, closed: ClosedForm) -> _Told:
+    """What is found in the first recordings; no choice sees the others."""
+    searched, others = every
     start = _start(*cut(searched), way)
     unseen = _with(start.held_out, others)
     return _Told(start, unseen, _search(start, unseen, way, closed), way.budget)
@@ -179,19 +211,41 @@ def _searched(searched: Sequence[Series], others: Sequence[Series], way: _Way, c
 
 def _timed_otherwise(
     told: _Told, every: tuple[Sequence[Series], Sequence[Series]], way: _Way, closed: ClosedForm
-) -> tuple[_Told, OtherTiming | None]:
+) -> _Told:
     """What is found where commands were given other than recorded, if a cause is not needed then."""
     chosen = told.found.chosen
     without = {name: one.found for name, one in chosen.without.items()}
     timed = other_timing(chosen.found, without, told.start.held_out, way.parallel)
     if timed is None:
-        return told, None
+        return told
     searched, others = ([timed.timing.of(one) for one in part] for part in every)
-    anew = way._replace(
-        budget=way.budget.anew(), progress=lambda what, _: way.progress(what, PIPELINE.searched_again)
-    )
-    again = _searched(searched, others, anew, closed)
-    return (told, None) if len(again.found.effects) > len(told.found.effects) else (again, timed)
+    anew = way._replace(budget=way.budget.anew(), progress=_later(way.progress))
+    again = _searched((searched, others), anew, closed)
+    return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
+
+
+def _as_either(
+    types: Types, searched_as: Callable[[Output, Progress], _Told], progress: Progress
+) -> tuple[_Told, Output, tuple[str, ...]]:
+    """What is found, what y is, and what is said of that.
+
+    Where Eq. 1 alone leaves it open, and much is left of the usual type, the other one is searched as well.
+    """
+    usual, *other = types.open
+    told = searched_as(usual, progress)
+    left = told.found.chosen.held.nrmse
+    if not other or left <= CLOSED_FORM.good:
+        return told, usual, types.said
+    again = searched_as(other[0], _later(progress))
+    nearer = again.found.chosen.held.nrmse
+    if nearer < CLOSED_FORM.nearer * left:
+        return again, other[0], (taken_for(other[0], nearer, left, "what is found leaves, held out,"),)
+    return told, usual, types.said
+
+
+def _later(progress: Progress) -> Progress:
+    """What tells of causes that are searched once more."""
+    return lambda what, _: progress(what, PIPELINE.searched_again)
 
 
 def told_gain(answer: Diagnosis, fixed: Mapping[str, Mapping[str, float]]) -> float:
@@ -229,17 +283,16 @@ def nominal_conditions(recordings: Sequence[Recording]) -> dict[str, float]:
     return {name: float(np.mean(middles)) for name, middles in channels.items() if middles}
 
 
-def _typed(recordings: Sequence[Recording], asked: Options) -> tuple[Output, ClosedForm, list[str]]:
-    """What y is, Eq. 1 in closed form, and what is said where nobody tells what y is."""
+def _types(recordings: Sequence[Recording], asked: Options) -> Types:
+    """What y may be, and Eq. 1 in closed form."""
     told = UserValues(asked.hold or "zero", asked.gain, asked.delay)
     if asked.output is not None:
-        return asked.output, closed_form(recordings, asked.output, told), []
+        return Types((asked.output,), {asked.output: closed_form(recordings, asked.output, told)}, ())
     tried: dict[Output, ClosedForm] = {
         "position": closed_form(recordings, "position", told),
         "velocity": closed_form(recordings, "velocity", told),
     }
-    output, sentence = output_type({each: tried[each].nrmse for each in tried}, asked.usual)
-    return output, tried[output], [sentence]
+    return output_types(tried, asked.usual)
 
 
 def _fixed(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Fixed:

@@ -10,6 +10,7 @@ import pytest
 from diagnose_truth import RATE, linear, recording
 from scipy.signal import freqz, lfilter
 
+from seod.diagnose.account.account import Shown, accounted
 from seod.diagnose.account.black_box import _free, foretold
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.residual import (
@@ -19,7 +20,7 @@ from seod.diagnose.account.residual import (
     not_repeated,
     window_residuals,
 )
-from seod.diagnose.account.yardstick import yardstick
+from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -371,19 +372,34 @@ def test_a_model_is_graded(before, after, adequacy, parts, grade):
 def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
     left = Unexplained(0.8, ("velocity",), {"velocity": 0.4})
     told = Account(0.87, 0.03, 0.1, 0.03)
-    found = systematic_part(left, told, 0.1, relevance)
+    found = systematic_part(left, told, 0.1, relevance, named=True)
     assert found.fraction == pytest.approx(fraction)
     assert bool(found.correlates_with) == (fraction > 0.0)
     for unasked in (None, replace(told, asked=False)):
-        assert systematic_part(left, unasked, 0.1, relevance) == left
-        assert systematic_part(left, unasked, 0.01, 0.02).fraction == 0.0
-    assert systematic_part(Unexplained(0.0), told, 0.1, 0.0).fraction == 0.0
+        assert systematic_part(left, unasked, 0.1, relevance, named=True) == left
+        assert systematic_part(left, unasked, 0.01, 0.02, named=True).fraction == 0.0
+    assert systematic_part(Unexplained(0.0), told, 0.1, 0.0, named=True).fraction == 0.0
 
 
 def test_what_simulates_no_better_than_a_mean_leaves_no_noise():
     left, noise_alone = Unexplained(0.8), Account(0.2, 0.0, 0.8, 0.0)
-    assert systematic_part(left, noise_alone, 0.99, 0.02).fraction == 0.0
-    assert systematic_part(left, noise_alone, 1.0, 0.02) == left
+    assert systematic_part(left, noise_alone, 0.99, 0.02, named=True).fraction == 0.0
+    assert systematic_part(left, noise_alone, 1.0, 0.02, named=True) == left
+
+
+@pytest.mark.parametrize(
+    ("named", "rest", "detectable", "fraction"),
+    [
+        (False, 0.9, float("inf"), 0.8),
+        (False, 0.06, 0.07, 0.8),
+        (False, 0.06, 0.06, 0.0),
+        (False, 0.04, float("inf"), 0.0),
+        (True, 0.9, float("inf"), 0.0),
+    ],
+)
+def test_eq_1_is_right_only_where_something_else_would_have_shown(named, rest, detectable, fraction):
+    told = replace(Account(0.2, 0.0, 0.8, 0.0), detectable_nrmse=detectable)
+    assert systematic_part(Unexplained(0.8), told, rest, 0.02, named=named).fraction == fraction
 
 
 @pytest.mark.slow
@@ -450,6 +466,22 @@ def test_an_interval_is_never_of_no_width(lagging):
     np.testing.assert_allclose(
         np.sqrt(covariance(ended).diagonal()), np.sqrt(covariance(lagging).diagonal()), rtol=0.05
     )
+
+
+@pytest.mark.parametrize(("detectable", "chance"), [(0.5, 0.002), (1.0, 0.002), (float("inf"), 0.05)])
+def test_less_is_asked_of_arx_where_nothing_else_would_have_shown(lagging, monkeypatch, detectable, chance):
+    asked, rest = [], NoiseColour((), 0.0, 1.0)
+
+    def noted(*arguments, chance, **how):
+        asked.append(chance)
+        return beaten(*arguments, chance=chance, **how)
+
+    shown = Shown(0.0, "nothing", rest, asked=True, detectable=detectable)
+    monkeypatch.setattr("seod.diagnose.account.account.systematic", lambda *_, **__: shown)
+    monkeypatch.setattr("seod.diagnose.account.account.beaten", noted)
+    held = simulate_held_out(lagging.model, lagging.x, lagging.cut)
+    accounted(lagging, held, held, held)
+    assert asked == [chance]
 
 
 def test_chance_counts_as_often_as_causes_were_tried(lagging):

@@ -38,6 +38,11 @@ def would_have_shown(account: Account, after: float) -> bool:
     return account.asked and account.detectable_nrmse <= GRADE.told * after
 
 
+def untold(account: Account, after: float) -> bool:
+    """Whether much is left, and nothing would have been shown, had all of it been systematic."""
+    return after > GRADE.untold and account.detectable_nrmse > after and account.systematic == 0.0
+
+
 def _systematic(after: float, account: Account | None) -> float:
     """NRMSE of the systematic part; where nothing is shown what might have been there unseen."""
     if account is None or not account.asked:

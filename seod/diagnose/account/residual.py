@@ -109,7 +109,13 @@ def mean_square(parts: Sequence[WindowResidual]) -> float:
     return sum(float(each @ each) for each in kept) / sum(len(each) for each in kept)
 
 
-def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[Mask], count: int) -> Share:
+def compared(
+    before: Sequence[Array],
+    after: Sequence[Array],
+    scored: Sequence[Mask],
+    count: int,
+    chance: float = SYSTEMATIC.chance,
+) -> Share:
     """What squared errors of windows have become less, by `count` parts of each.
 
     Whether it is chance is asked of the parts' log errors: where the error is large it changes most.
@@ -128,9 +134,7 @@ def compared(before: Sequence[Array], after: Sequence[Array], scored: Sequence[M
     root = math.sqrt(len(saved))
     sd = root * float(np.std(saved, ddof=1)) / rows
     score = root * float(np.mean(logs)) / max(float(np.std(logs, ddof=1)), 1e-300)
-    return Share(
-        float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - SYSTEMATIC.chance, len(saved) - 1))
-    )
+    return Share(float(saved.sum()) / rows, sd, score, float(student.ppf(1.0 - chance, len(saved) - 1)))
 
 
 def not_repeated(every: Sequence[Series], parts: Sequence[WindowResidual]) -> list[WindowResidual]:

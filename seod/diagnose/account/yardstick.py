@@ -60,12 +60,14 @@ def beaten(
     *,
     predicted: bool = False,
     in_loop: bool = True,
+    chance: float = SYSTEMATIC.chance,
 ) -> Share:
     """By how much a model without physics comes nearer: the difference of the mean squared errors.
 
     Whether that is more than chance is asked of windows that were fitted, too, where this model's fit has not
     seen what it foretells. In a loop it is asked of errors made white, too: that acts on what disturbs the
-    load, a command tells of it, and a model that forgets comes nearer than the plant.
+    load, a command tells of it, and a model that forgets comes nearer than the plant. `chance` is the
+    probability with which chance alone passes.
     """
     held_out = _pairs(held, other.simulated)
     pairs = [*held_out, *_pairs(seen, other.foretold)]
@@ -73,7 +75,7 @@ def beaten(
 
     def compared_through(made: Callable[[Array], Array], some: Sequence[Pair], count: int) -> Share:
         before, after = [made(one.own) ** 2 for one in some], [made(one.other) ** 2 for one in some]
-        return compared(before, after, [one.scored for one in some], count)
+        return compared(before, after, [one.scored for one in some], count, chance)
 
     past = [one._replace(scored=noise.has_past(one.scored)) for one in pairs]
     apart = _parts_apart(pairs, noise, count)

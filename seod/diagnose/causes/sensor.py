@@ -146,7 +146,7 @@ SENSOR_LAG: Final = Cause(
 )
 RECTIFIED_SENSOR: Final = Cause(
     name="rectified_sensor",
-    says="The sensor shows no sign: what it reads is the absolute value.",
+    says="The sensor is not straight: it reads the absolute value, or a power, of what moves.",
     coordinates=lambda _: (
         linear("part", RECTIFIED_SCALE, 0.0, LARGEST_RECTIFIED),
         sized("power", LEAST_POWER, LARGEST_POWER),

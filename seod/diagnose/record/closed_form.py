@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 TYPES: Final = {"position": "type 1: y follows the integral of u", "velocity": "type 0: y follows u itself"}
 
 
+EQUATION: Final = "Eq. 1 with offset and delay leaves"
+
+
 class UserValues(NamedTuple):
     """What the user tells of a plant.
 
@@ -86,18 +89,41 @@ def _liveliest(recording: Recording) -> slice:
     return slice(first, first + most)
 
 
-def output_type(left: Mapping[Output, float], usual: Output) -> tuple[Output, str]:
-    """What y is taken for, and a sentence that says so.
+class Types(NamedTuple):
+    """What y may be.
+
+    Attributes:
+        open: The outputs that Eq. 1 leaves open, the usual one first.
+        closed: The best plant by what y is.
+        said: A sentence of what y is taken for; none where the user tells.
+    """
+
+    open: tuple[Output, ...]
+    closed: Mapping[Output, ClosedForm]
+    said: tuple[str, ...]
+
+
+def output_types(closed: Mapping[Output, ClosedForm], usual: Output) -> Types:
+    """What y may be, by the best plants of both types.
 
     Args:
-        left: NRMSE of the best plant by what y is.
-        usual: What y is unless the other is clearly nearer.
+        closed: The best plant by what y is.
+        usual: What y is unless the other is nearer.
     """
     other: Output = "velocity" if usual == "position" else "position"
-    chosen, rest = (other, usual) if left[other] < CLOSED_FORM.clearly * left[usual] else (usual, other)
-    return chosen, (
-        f"y is taken for a {_word(chosen)} ({TYPES[chosen]}): Eq. 1 with offset and delay leaves "
-        f"{_percent(left[chosen])}, as a {_word(rest)} {_percent(left[rest])}; --output says which it is"
+    by_usual, by_other = closed[usual].nrmse, closed[other].nrmse
+    if by_other < CLOSED_FORM.clearly * by_usual:
+        return Types((other,), closed, (taken_for(other, by_other, by_usual),))
+    said = (taken_for(usual, by_usual, by_other),)
+    return Types((usual,) if by_usual < CLOSED_FORM.clearly * by_other else (usual, other), closed, said)
+
+
+def taken_for(output: Output, left: float, otherwise: float, by: str = EQUATION) -> str:
+    """That y is taken for this, as the NRMSE that `by` leaves is so, and otherwise so."""
+    other: Output = "velocity" if output == "position" else "position"
+    return (
+        f"y is taken for a {_word(output)} ({TYPES[output]}): {by} {_percent(left)}, as a {_word(other)} "
+        f"{_percent(otherwise)}; --output says which it is"
     )
 
 

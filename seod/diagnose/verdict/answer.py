@@ -120,7 +120,7 @@ def answered(
     chosen = searched.chosen
     account, yardstick = accounted(chosen.over_all, best, held, searched.held, noise_alone=chosen.noise_alone)
     if not rare and held.adequacy >= HELD_OUT.adequate:
-        rest = systematic_part(rest, account, held.nrmse, relevance)
+        rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(searched.effects))
     defects = _record_effects(checked, searched.chosen.held, best)
     for shown in _by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seod.diagnose.account.grade import untold
 from seod.diagnose.fitting.simulate import POSITION, PRESSURE, VELOCITY
 from seod.diagnose.result import Unexplained
 from seod.diagnose.tuning.fitting import HELD_OUT
@@ -29,7 +30,9 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
     return _fraction(_above_noise(baseline), _above_noise(extended), extended)
 
 
-def systematic_part(left: Unexplained, account: Account | None, rest: float, relevance: float) -> Unexplained:
+def systematic_part(
+    left: Unexplained, account: Account | None, rest: float, relevance: float, *, named: bool
+) -> Unexplained:
     """Of what is left above white noise what is systematic; nothing, where that is not relevant.
 
     Args:
@@ -38,10 +41,11 @@ def systematic_part(left: Unexplained, account: Account | None, rest: float, rel
             where the model simulates no better than a mean: by a plant that it is not, nothing can be asked.
         rest: NRMSE of what is left.
         relevance: Systematic NRMSE up to which it does not matter.
+        named: Causes are. Where none is, Eq. 1 is said to be right: that has to be told then.
     """
     if left.fraction == 0.0:
         return left
-    if account is None or not account.asked or rest >= 1.0:
+    if account is None or not account.asked or rest >= 1.0 or (not named and untold(account, rest)):
         return left if rest > relevance else Unexplained(0.0)
     above = account.explained + account.systematic
     if not account.systematic_nrmse > relevance or not above > 0.0:

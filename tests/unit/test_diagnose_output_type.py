@@ -1,0 +1,103 @@
+"""Whether y follows u or its integral, where nobody says so and Eq. 1 alone leaves it open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from seod.data import Recording
+from seod.diagnose.pipeline import Options, _searched, diagnose
+from seod.diagnose.record.closed_form import ClosedForm, output_types
+from seod.diagnose.search.budget import EFFORTS
+
+TICK, N = 0.02, 3000
+
+
+@pytest.mark.parametrize(
+    ("position", "speed", "outputs", "said"),
+    [
+        (0.10, 0.90, ("position",), "position"),
+        (0.90, 0.10, ("velocity",), "speed"),
+        (0.75, 0.53, ("position", "velocity"), "position"),
+        (0.53, 0.75, ("position", "velocity"), "position"),
+        (np.inf, 0.53, ("velocity",), "speed"),
+        (np.inf, np.inf, ("position", "velocity"), "position"),
+    ],
+)
+def test_eq_1_leaves_it_open_where_neither_is_clearly_nearer(position, speed, outputs, said):
+    closed = {"position": ClosedForm({}, position), "velocity": ClosedForm({}, speed)}
+    types = output_types(closed, "position")
+    assert types.open == outputs
+    assert types.said[0].startswith(f"y is taken for a {said} ")
+
+
+def test_the_usual_type_is_asked_first():
+    closed = {"position": ClosedForm({}, 0.6), "velocity": ClosedForm({}, 0.6)}
+    assert output_types(closed, "velocity").open == ("velocity", "position")
+
+
+def recorded(y, u):
+    t = np.arange(len(u)) * TICK
+    return Recording((Path("run.csv"),), t, u, y, None, None, None, np.arange(len(u)), {}, {}, ())
+
+
+def steps(seed=1):
+    """Of random size, half a second to two seconds long."""
+    random = np.random.default_rng(seed)
+    lengths = random.integers(25, 100, N)
+    return np.repeat(random.uniform(-1.0, 1.0, N), lengths)[:N]
+
+
+def stepped(A, B, u):
+    """States of a linear plant by its exact discrete form, its command held; shape (n, states)."""
+    A, B, *_ = cont2discrete((A, B, np.eye(len(A)), np.zeros((len(A), 1))), TICK)
+    x, out = np.zeros(len(A)), []
+    for volts in u:
+        out.append(x)
+        x = A @ x + B[:, 0] * volts
+    return np.array(out)
+
+
+SPEED = np.array([[0.0, 1.0], [-36.0, -4.8]]), np.array([[0.0], [72.0]])
+"""K_L = 2, omega_n = 6 rad/s, zeta = 0.4."""
+
+
+@pytest.mark.computes
+def test_a_speed_without_sign_is_taken_for_one():
+    """Of both signs of u it goes up: neither Eq. 1 of a speed nor of a position says much of it."""
+    u = steps()
+    speed = stepped(*SPEED, u)[:, 0]
+    y = np.abs(speed) + 0.01 * np.std(speed) * np.random.default_rng(2).normal(size=N)
+    found = diagnose([recorded(y, u)], (), Options(None, effort="quick"))
+    assert found.output == "velocity"
+    assert [each.name for each in found.effects] == ["rectified_sensor"]
+    assert any("taken for a speed" in each and "held out" in each for each in found.remarks)
+    assert found.extended.omega_n == pytest.approx(6.0, rel=0.03)
+
+
+@pytest.mark.computes
+def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
+    monkeypatch.setitem(EFFORTS, "quick", 0.05)
+    tried = {"position": ClosedForm({}, 0.5), "velocity": ClosedForm({}, 0.4)}
+    monkeypatch.setattr(
+        "seod.diagnose.pipeline.closed_form", lambda _recordings, output, _told: tried[output]
+    )
+    A, B = SPEED
+    A = np.block([[A, np.zeros((2, 1))], [np.array([[1.0, 0.0, 0.0]])]])
+    u = steps()
+    y = stepped(A, np.vstack([B, [[0.0]]]), u - np.mean(u))[:, 2]
+    y = y + 0.005 * np.std(y) * np.random.default_rng(3).normal(size=N)
+    types = []
+
+    def counted(every, way, closed):
+        types.append(way.sees_speed)
+        return _searched(every, way, closed)
+
+    monkeypatch.setattr("seod.diagnose.pipeline._searched", counted)
+    found = diagnose([recorded(y, u - np.mean(u))], (), Options(None, effort="quick"))
+    assert found.output == "position"
+    assert found.extended.holdout_nrmse < 0.05
+    assert types == [False]
