@@ -319,7 +319,8 @@ _ALL = (
             Parameter("power", "1", 1.0, 0.5, 3.0, "times |y / range| to this less one; 2: the square"),
             Parameter("range", "unit (unit/s for a speed)", 1.0, NEAR, FAR, "where any power shows the same"),
         ),
-        "While the reading keeps its sign a turned sensor, or nothing.",
+        "While the reading keeps its sign a turned sensor, or nothing; its power then shows alone.",
+        sizes=("part", "power"),
     ),
     Effect(
         "held_readings",

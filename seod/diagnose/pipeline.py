@@ -229,18 +229,18 @@ def _as_either(
 ) -> tuple[_Told, Output, tuple[str, ...]]:
     """What is found, what y is, and what is said of that.
 
-    Where Eq. 1 alone leaves it open, and much is left of the usual type, the other one is searched as well.
+    Where Eq. 1 leaves it open, and much is left of the likelier type, the other one is searched as well.
     """
-    usual, *other = types.open
-    told = searched_as(usual, progress)
+    likelier, *other = types.open
+    told = searched_as(likelier, progress)
     left = told.found.chosen.held.nrmse
     if not other or left <= CLOSED_FORM.good:
-        return told, usual, types.said
+        return told, likelier, types.said
     again = searched_as(other[0], _later(progress))
     nearer = again.found.chosen.held.nrmse
     if nearer < CLOSED_FORM.nearer * left:
         return again, other[0], (taken_for(other[0], nearer, left, "what is found leaves, held out,"),)
-    return told, usual, types.said
+    return told, likelier, types.said
 
 
 def _later(progress: Progress) -> Progress:

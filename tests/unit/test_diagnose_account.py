@@ -460,6 +460,32 @@ def test_a_size_that_may_be_none_is_no_cause(lagging):
     assert at_limits(far) == ["valve_lag.time"]
 
 
+def test_a_cause_of_several_sizes_may_be_none_only_if_all_of_them_may(lagging):
+    """Of a sensor that never saw the other sign only the power is known."""
+    model = lagging.model.without("valve_lag").with_effect("rectified_sensor")
+    x = model.searched(
+        {
+            "K_L": 17.0,
+            "omega_n": 117.0,
+            "zeta": 0.3,
+            "rectified_sensor.part": 0.9,
+            "rectified_sensor.power": 1.3,
+        }
+    )
+    fitted = replace(lagging, model=model, x=x)
+    places = [c.place for c in model.coordinates]
+    part, power = (places.index(f"rectified_sensor.{of}") for of in ("part", "power"))
+
+    def spread(of_part, of_power):
+        out = 1e-8 * np.eye(len(x))
+        out[part, part], out[power, power] = of_part**2, of_power**2
+        return out
+
+    assert not reaches_null(fitted, "rectified_sensor", spread(9.0, 0.02), 1)
+    assert not reaches_null(fitted, "rectified_sensor", spread(0.02, 9.0), 1)
+    assert reaches_null(fitted, "rectified_sensor", spread(9.0, 9.0), 1)
+
+
 def test_an_interval_is_never_of_no_width(lagging):
     """A fit that ended before its first step has no curvature."""
     ended = replace(lagging, curvature=np.zeros_like(lagging.curvature))

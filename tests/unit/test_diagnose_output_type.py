@@ -23,6 +23,7 @@ TICK, N = 0.02, 3000
         (0.90, 0.10, ("velocity",), "speed"),
         (0.75, 0.53, ("position", "velocity"), "position"),
         (0.53, 0.75, ("position", "velocity"), "position"),
+        (0.75, 0.40, ("velocity", "position"), "speed"),
         (np.inf, 0.53, ("velocity",), "speed"),
         (np.inf, np.inf, ("position", "velocity"), "position"),
     ],
@@ -101,3 +102,19 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
     assert found.output == "position"
     assert found.extended.holdout_nrmse < 0.05
     assert types == [False]
+
+
+@pytest.mark.computes
+def test_a_power_is_named_where_no_sign_ever_shows():
+    """Whether a sensor shows a sign such a record does not tell; that it is bent it does."""
+    u = 1.6 + 0.6 * steps(4)
+    speed = np.maximum(stepped(*SPEED, u)[:, 0], 0.0)
+    y = 2.0 * (0.25 * speed) ** 1.1
+    y = y + 0.02 * np.std(y) * np.random.default_rng(5).normal(size=N)
+    found = diagnose([recorded(y, u)], (), Options(None, effort="quick"))
+    assert found.output == "velocity"
+    assert [each.name for each in found.effects] == ["rectified_sensor"]
+    power = found.effects[0].parameters["power"]
+    assert power.value == pytest.approx(1.1, rel=0.03)
+    assert power.ci95[0] > 1.0
+    assert found.extended.holdout_nrmse < 0.03

@@ -93,7 +93,7 @@ class Types(NamedTuple):
     """What y may be.
 
     Attributes:
-        open: The outputs that Eq. 1 leaves open, the usual one first.
+        open: The outputs that Eq. 1 leaves open, the likelier one first.
         closed: The best plant by what y is.
         said: A sentence of what y is taken for; none where the user tells.
     """
@@ -112,10 +112,10 @@ def output_types(closed: Mapping[Output, ClosedForm], usual: Output) -> Types:
     """
     other: Output = "velocity" if usual == "position" else "position"
     by_usual, by_other = closed[usual].nrmse, closed[other].nrmse
-    if by_other < CLOSED_FORM.clearly * by_usual:
-        return Types((other,), closed, (taken_for(other, by_other, by_usual),))
-    said = (taken_for(usual, by_usual, by_other),)
-    return Types((usual,) if by_usual < CLOSED_FORM.clearly * by_other else (usual, other), closed, said)
+    first, second = (other, usual) if by_other < CLOSED_FORM.clearly * by_usual else (usual, other)
+    near, far = closed[first].nrmse, closed[second].nrmse
+    sure = near < CLOSED_FORM.surely * far
+    return Types((first,) if sure else (first, second), closed, (taken_for(first, near, far),))
 
 
 def taken_for(output: Output, left: float, otherwise: float, by: str = EQUATION) -> str:
