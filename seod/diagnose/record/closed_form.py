@@ -132,4 +132,6 @@ def _word(output: Output) -> str:
 
 
 def _percent(part: float) -> str:
-    return f"{100.0 * part:.3g} %" if math.isfinite(part) else "more than there is"
+    if not math.isfinite(part):
+        return "more than there is"
+    return f"{100.0 * part:.3g} %" if part < 1.0 else f"{100.0 * part:.0f} %"
