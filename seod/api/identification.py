@@ -18,10 +18,11 @@ from seod.config.known import known_to
 from seod.identify.answer import Result
 from seod.identify.answer import identify as fitted
 from seod.identify.live import Beforehand, answers, summary
-from seod.identify.problem import NAMES
+from seod.identify.problem import NAMES, Given
 from seod.identify.record import IdentifyError, Record, UntoldError
 from seod.identify.relay_rows import relay_rows
 from seod.identify.show import as_text
+from seod.identify.untold_output import as_speed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -284,10 +285,20 @@ def _result(
         return Result(None, silent[0].quality, "; ".join(left_out), method=options.method)
     records = [file.record for file in files]
     if options.method == "output_error":
-        result = fitted(records, options.gain, options.delay)
+        result = _told_type(fitted(records, options.gain, options.delay), records, options, section)
     else:
         result = _as_live(files, options, section)
     return replace(result, cannot_tell=(*left_out, *result.cannot_tell))
+
+
+def _told_type(
+    result: Result, records: Sequence[Record], options: _Options, section: AxisConfig | None
+) -> Result:
+    """With a sentence where nobody says what y is, and it is clearly nearer to a speed."""
+    if options.output is not None or section is not None or result.fit is None or result.quality == "ok":
+        return result
+    said = as_speed(records, Given(options.gain, options.delay), result.fit)
+    return result if said is None else replace(result, cannot_tell=(said, *result.cannot_tell))
 
 
 def _as_live(files: Sequence[_File], options: _Options, section: AxisConfig | None) -> Result:

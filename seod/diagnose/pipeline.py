@@ -236,7 +236,10 @@ def _as_either(
     left = told.found.chosen.held.nrmse
     if not other or left <= CLOSED_FORM.good:
         return told, likelier, types.said
-    again = searched_as(other[0], _later(progress))
+    try:
+        again = searched_as(other[0], _later(progress))
+    except DiagnoseError:  # as this type it says nothing
+        return told, likelier, types.said
     nearer = again.found.chosen.held.nrmse
     if nearer < CLOSED_FORM.nearer * left:
         return again, other[0], (taken_for(other[0], nearer, left, "what is found leaves, held out,"),)

@@ -11,6 +11,7 @@ from scipy.signal import cont2discrete
 from seod.data import Recording
 from seod.diagnose.pipeline import Options, _searched, diagnose
 from seod.diagnose.record.closed_form import ClosedForm, output_types
+from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.budget import EFFORTS
 
 TICK, N = 0.02, 3000
@@ -102,6 +103,21 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
     assert found.output == "position"
     assert found.extended.holdout_nrmse < 0.05
     assert types == [False]
+
+
+@pytest.mark.computes
+def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
+    monkeypatch.setitem(EFFORTS, "quick", 0.05)
+
+    def searched(every, way, closed):
+        if way.sees_speed:
+            raise DiagnoseError("y is noise for the most part")
+        return _searched(every, way, closed)
+
+    monkeypatch.setattr("seod.diagnose.pipeline._searched", searched)
+    u = steps()
+    y = np.abs(stepped(*SPEED, u)[:, 0])
+    assert diagnose([recorded(y, u)], (), Options(None, effort="quick")).output == "position"
 
 
 @pytest.mark.computes

@@ -122,6 +122,15 @@ def test_timing_jitter_is_told_from_noise_by_the_slope(seed):
     assert defect.p_value < 1e-6
 
 
+@pytest.mark.parametrize(("deviation", "names"), [(4e-4, ["timing_jitter"]), (6e-4, [])])
+def test_samples_that_would_change_places_are_not_late(deviation, names):
+    """A noise that grows with the slope, as much as times off by 0.4 and by 0.6 intervals would make."""
+    random = np.random.default_rng(52)
+    late = deviation * np.gradient(movement(6.0 * T), T) * random.normal(size=len(T))
+    found = examine(recording(movement(6.0 * T) + late + 0.1 * NOISE * random.normal(size=len(T))))
+    assert [each.name for each in found.found] == names
+
+
 def test_a_model_that_leaves_less_than_late_samples_would_have_takes_the_jitter_back():
     taken = jittered(T, 2.5e-4, np.random.default_rng(50))
     found = examine(recording(movement(6.0 * taken) + noisy(1) - movement(T)))
