@@ -494,8 +494,18 @@ def test_an_interval_is_never_of_no_width(lagging):
     )
 
 
-@pytest.mark.parametrize(("detectable", "chance"), [(0.5, 0.002), (1.0, 0.002), (float("inf"), 0.05)])
-def test_less_is_asked_of_arx_where_nothing_else_would_have_shown(lagging, monkeypatch, detectable, chance):
+@pytest.mark.parametrize(
+    ("size", "detectable", "chance"),
+    [
+        (0.5, 0.5, 0.002),
+        (0.5, 1.0, 0.002),
+        (0.5, float("inf"), 0.05),
+        (0.0, float("inf"), 0.002),
+    ],
+)
+def test_less_is_asked_of_arx_where_nothing_else_would_have_shown(
+    lagging, monkeypatch, size, detectable, chance
+):
     asked, rest = [], NoiseColour((), 0.0, 1.0)
 
     def noted(*arguments, chance, **how):
@@ -505,7 +515,8 @@ def test_less_is_asked_of_arx_where_nothing_else_would_have_shown(lagging, monke
     shown = Shown(0.0, "nothing", rest, asked=True, detectable=detectable)
     monkeypatch.setattr("seod.diagnose.account.account.systematic", lambda *_, **__: shown)
     monkeypatch.setattr("seod.diagnose.account.account.beaten", noted)
-    held = simulate_held_out(lagging.model, lagging.x, lagging.cut)
+    off = lagging.x + np.where(np.array([c.place for c in lagging.model.coordinates]) == "K_L", size, 0.0)
+    held = simulate_held_out(lagging.model, off, lagging.cut)
     accounted(lagging, held, held, held)
     assert asked == [chance]
 

@@ -16,7 +16,7 @@ from seod.diagnose.fitting.noise_colour import NoiseColour, colour
 from seod.diagnose.fitting.repeats import repeats
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import Account, Yardstick
-from seod.diagnose.tuning.account import ACCOUNT, SYSTEMATIC
+from seod.diagnose.tuning.account import ACCOUNT, GRADE, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +63,7 @@ def accounted(
 
     The systematic part is the largest that is shown by what repeats with the command, by what a black box
     foretells of windows that it has not seen, or by how much nearer ARX or NARX come: each is the least that
-    there is. Where the first two would have shown nothing, less is asked of the third.
+    there is. Where much is left, and the first two would have shown nothing, less is asked of the third.
 
     Args:
         found: The extended model.
@@ -89,7 +89,8 @@ def accounted(
         every = [*parts, *own]
         shown = shown._replace(part=0.0, by="nothing", noise=colour(every), on_load=on_load(every, plant))
     elif other is not None:
-        chance = SYSTEMATIC.chance if shown.detectable <= 1.0 else SYSTEMATIC.chance_alone
+        alone = held.nrmse > GRADE.untold and shown.detectable > 1.0
+        chance = SYSTEMATIC.chance_alone if alone else SYSTEMATIC.chance
         nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop, chance=chance)
         if nearer.significant and nearer.square > shown.part * mean_square(own):
             part = min(1.0, nearer.square / mean_square(own))

@@ -49,9 +49,8 @@ def timing_jitter(stencils: Stencils, t: Array, y: Array) -> Jitter:
     if not _grows(steepness / scale, square, level, growth) or not _alternates(stencils, steep):
         return Jitter()
     deviation = math.sqrt(growth / scale)
-    if deviation > TIMING_JITTER.most * float(
-        np.median(np.diff(t))
-    ):  # it is a noise that grows with the slope
+    interval = float(np.median(np.diff(t)))
+    if deviation > TIMING_JITTER.most * interval:  # a noise that grows with the slope
         return Jitter()
     low, high = (math.sqrt(max(0.0, growth + side * SD_OF_95 * sd) / scale) for side in (-1.0, 1.0))
     p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
