@@ -63,6 +63,23 @@ def test_any_record_ends_in_an_answer_or_a_sentence(number, little, tmp_path):
     assert text
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(7092, id="fewer steps than a step takes"),
+        pytest.param(7117, id="a travel of less than a curve may have"),
+        pytest.param(7125, id="a window without a sample that has its past"),
+        pytest.param(7196, id="no plant that makes any of the readings"),
+    ],
+)
+def test_records_that_ended_in_a_traceback_do_no_more(number, monkeypatch, tmp_path):
+    monkeypatch.setitem(EFFORTS, "quick", any_record.BUDGET)
+    what, text = any_record.outcome(number, tmp_path)
+    assert what in {"answer", "sentence"}, text
+
+
 @pytest.mark.parametrize("slower", [0.01, 1.0, 30.0, 1000.0])
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9])
 def test_every_cause_that_is_tried_has_starts_that_its_limits_allow(unit, slower):

@@ -46,7 +46,7 @@ class Form(NamedTuple):
         """Each linear term times the nearness of each knot, shape (n, columns)."""
         past = past_of(y, u, at, self.linear)
         near = _nearness(self.state(y, place, at), self.knots)
-        return (past[:, :, None] * near[:, None, :]).reshape(len(past), -1)
+        return (past[:, :, None] * near[:, None, :]).reshape(len(past), past.shape[1] * near.shape[1])
 
     def state(self, y: Array, place: Array, at: Rows | int) -> Array:
         """The value that weights change with, before sample `at`, shape (n,)."""

@@ -20,7 +20,7 @@ from seod.diagnose.causes.record import (
     sized,
 )
 from seod.diagnose.causes.valve import lag_starts, longest, same_time, shortest_lag
-from sim.effects import LEAST, SENSOR_CURVE
+from sim.effects import LEAST, NEAR, SENSOR_CURVE
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales, Values
@@ -77,12 +77,12 @@ def _repeating(s: Scales) -> tuple[float, float]:
 
 def _over_travel(effects: Effects, s: Scales) -> None:
     """A sensor's curve lies over the travel of the recordings."""
-    effects["sensor_nonlinearity"] |= {"centre": s.middle, "half": 0.5 * CURVE_MARGIN * s.travel}
+    effects["sensor_nonlinearity"] |= {"centre": s.middle, "half": max(NEAR, 0.5 * CURVE_MARGIN * s.travel)}
 
 
 def _over_readings(effects: Effects, s: Scales) -> None:
     """A rectified sensor of any power shows the largest reading alike."""
-    effects["rectified_sensor"]["range"] = s.reading
+    effects["rectified_sensor"]["range"] = max(NEAR, s.reading)
 
 
 def _unbent(y: Array, start: Values, s: Scales) -> Array:

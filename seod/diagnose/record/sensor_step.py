@@ -66,7 +66,7 @@ def _gathered(y: Array, noise: float) -> Counts:
     most = STEP.finest_part * STEP.histogram_bins
     finest = int(min(pad * span / max(STEP.within_noise * noise, 1e-300), most))
     coarsest = STEP.fewest_steps * pad
-    if finest < coarsest:
+    if finest <= coarsest:
         return Counts()
     k = coarsest + int(np.argmax(means[coarsest:finest]))
     if means[k] < STEP.gathered or means[k] - _background(means, k, pad) < STEP.contrast:

@@ -51,7 +51,9 @@ def unsigned_starts(parent: Model, name: str, cut: Cut) -> tuple[Values, ...]:
 
 
 def unsigned_root(parent: Model, cut: Cut, scales: Scales) -> Fitted | None:
-    """The baseline behind a sensor that has lost the sign, fitted to whole recordings; None: it has not.
+    """The baseline behind a sensor that has lost the sign, fitted to whole recordings.
+
+    None where it has not, or where no plant makes any of these readings.
 
     Whatever else is wrong with the baseline shows only once readings may be those of either sign: beside a
     baseline that knows no sign no other cause gains anything.
@@ -66,7 +68,7 @@ def unsigned_root(parent: Model, cut: Cut, scales: Scales) -> Fitted | None:
             own = model.turned(plant["K_L"]).with_effect(name)
             x = own.searched(start | plant)
             found.append(fit(own, wide, x, measured_places(wide), UNSIGNED.root_steps))
-    return min(found, key=lambda one: one.cost)
+    return min(found, key=lambda one: one.cost, default=None)
 
 
 def _begun(parent: Model, name: str, cut: Cut) -> Iterator[tuple[Values, Values]]:
