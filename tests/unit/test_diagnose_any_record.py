@@ -72,6 +72,7 @@ def test_any_record_ends_in_an_answer_or_a_sentence(number, little, tmp_path):
         pytest.param(7117, id="a travel of less than a curve may have"),
         pytest.param(7125, id="a window without a sample that has its past"),
         pytest.param(7196, id="no plant that makes any of the readings"),
+        pytest.param(7444, id="a term that one fold alone has"),
     ],
 )
 def test_records_that_ended_in_a_traceback_do_no_more(number, monkeypatch, tmp_path):

@@ -107,7 +107,8 @@ def fitted_scheduled_arx(
     for form in _forms(parts, sees_speed=sees_speed, tells_its_place=tells_its_place):
         products = np.array([_products(form, part) for part in parts])
         total, fold = products.sum(axis=0), np.arange(len(parts)) % SCHEDULED.folds
-        unseen = [total - products[fold == k].sum(axis=0) for k in range(int(fold.max()) + 1)]
+        # not `total` less its own: of a term that only one fold has, rounding would be left
+        unseen = [products[fold != k].sum(axis=0) for k in range(int(fold.max()) + 1)]
         ridges, count = YARDSTICK.ridges, len(parts)
         others = np.concatenate([[_solved(rest, ridge) for rest in unseen] for ridge in ridges])
         each = (np.arange(len(ridges))[:, None] * len(unseen) + fold).ravel()
