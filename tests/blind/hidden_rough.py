@@ -43,6 +43,8 @@ OF_SAMPLERS = (0.4, 0.2, 0.2, 0.2)
 """How often each is drawn."""
 FINER, SLOWER = (2, 4, 8), (2, 3, 4)
 """Commands in the place of one row; rows in the place of one command."""
+MILD_SINCE = 130000
+"""From this number on a sampler loses no more than the noise: a cause that shows less cannot be told."""
 RELEVANT = 0.02
 """Of the movement's deviation: what a sampler leaves and is more has no name, and is rightly unexplained."""
 TURNED = {"asymmetric_gain.ratio", "null_shift.voltage"}
@@ -169,7 +171,19 @@ def _with_mains_and_sampler(case: Case, how: Rough) -> Rough:
         sampled=slower if sampler == "slower" else finer,
         late=late if sampler == "late" else 0,
     )
-    return replace(how, leaves=sampler_leaves(case, how))
+    how = replace(how, leaves=sampler_leaves(case, how))
+    return how if case.number < MILD_SINCE else _mild(case, how)
+
+
+def _mild(case: Case, how: Rough) -> Rough:
+    """With a sampler nearer to the rows, until it loses no more than the noise; if none is, without one."""
+    while how.leaves > case.noise_part:
+        fewer = how.sampled // 2 if how.sampler != "slower" else how.sampled - 1
+        if fewer < 2:
+            return replace(how, sampler="none", sampled=1, late=0, leaves=0.0)
+        how = replace(how, sampled=fewer, late=min(how.late, fewer))
+        how = replace(how, leaves=sampler_leaves(case, how))
+    return how
 
 
 def sampler_leaves(case: Case, how: Rough) -> float:

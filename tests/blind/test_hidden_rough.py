@@ -12,6 +12,7 @@ from hidden_drives import multisine
 from hidden_records import make_record, write
 from hidden_rig import Rig
 from hidden_rough import (
+    MILD_SINCE,
     SAMPLERS,
     Rough,
     _mains,
@@ -126,6 +127,18 @@ def test_records_of_lower_numbers_have_neither_mains_nor_a_sampler():
     assert 5 < sum(each.mains > 0.0 for each in later) < 30
     assert all((each.leaves > 0.0) == (each.sampler != "none") for each in later)
     assert all(0 < each.late <= each.sampled for each in later if each.sampler == "late")
+
+
+def test_from_a_number_on_no_sampler_loses_more_than_the_noise():
+    def each(since):
+        drives = ("two-phase", "operation")
+        return [rough(replace(bare(drive), number=since + k)) for k in range(15) for drive in drives]
+
+    assert max(one.leaves for one in each(SENSORS_SINCE)) > 2.0 * bare().noise_part
+    later = each(MILD_SINCE)
+    assert max(one.leaves for one in later) <= bare().noise_part
+    assert {one.sampler for one in later} > {"none"}
+    assert all((one.leaves > 0.0) == (one.sampler != "none") for one in later)
 
 
 def test_what_is_drawn_besides_leaves_the_rest_as_it_was():
