@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import lfilter, lfiltic
 
+from seod.diagnose.account import steps
 from seod.diagnose.tuning.account import YARDSTICK
 
 if TYPE_CHECKING:
@@ -96,11 +97,9 @@ def _run(y: Array, u: Array, good: Mask, started: Mask, place: Array, tick: floa
     )
 
 
-def past_of(y: Array, u: Array, at: Rows | int, arx: Arx) -> Array:
+def past_of(y: Array, u: Array, at: Rows, arx: Arx) -> Array:
     """What a linear model foretells samples `at` by, shape (n, columns)."""
-    lags = range(1, arx.order + 1)
-    before = [y[at - k] - y[at - k - 1] if arx.integrates else y[at - k] for k in lags]
-    return np.column_stack([*before, *(u[at - k] for k in range(arx.order + 1)), np.ones_like(y[at - 1])])
+    return np.asarray(steps.past_of(y[:, None], u[:, None], at, arx.order, arx.integrates))
 
 
 def rows_of(runs: Sequence[Run | None], arx: Arx) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.account import steps
 from seod.diagnose.account.arx import farthest, fitted_arx, past_of, side_by_side
 from seod.diagnose.tuning.account import SCHEDULED, YARDSTICK
 
@@ -42,21 +43,15 @@ class Form(NamedTuple):
         """Samples that a step looks back."""
         return max(self.linear.order + 1, len(STATES))
 
-    def terms(self, y: Array, u: Array, place: Array, at: Rows | int) -> Array:
+    def terms(self, y: Array, u: Array, place: Array, at: Rows) -> Array:
         """Each linear term times the nearness of each knot, shape (n, columns)."""
-        past = past_of(y, u, at, self.linear)
-        near = _nearness(self.state(y, place, at), self.knots)
-        return (past[:, :, None] * near[:, None, :]).reshape(len(past), past.shape[1] * near.shape[1])
+        past, near = past_of(y, u, at, self.linear), steps.nearness(self.state(y, place, at), self.knots)
+        count = past.shape[1] * near.shape[1]
+        return np.asarray((past[:, :, None] * near[:, None, :]).reshape(len(past), count))
 
-    def state(self, y: Array, place: Array, at: Rows | int) -> Array:
-        """The value that weights change with, before sample `at`, shape (n,)."""
-        now = place[at - 1] if self.by == 0 or self.linear.integrates else y[at - 1]
-        if self.by == 0:
-            return np.asarray(now)
-        if not self.linear.integrates:
-            return np.asarray(now if self.by == 1 else now - y[at - 2])
-        speed = now - y[at - 2]
-        return np.asarray(speed if self.by == 1 else speed - (y[at - 2] - y[at - 3]))
+    def state(self, y: Array, place: Array, at: Rows) -> Array:
+        """The value that weights change with, before samples `at`, shape (n,)."""
+        return np.asarray(steps.states(y[:, None], place[:, None], at, self.by, self.linear.integrates))
 
 
 class ScheduledArx(NamedTuple):
@@ -67,21 +62,14 @@ class ScheduledArx(NamedTuple):
 
     def simulated(self, runs: Sequence[Run]) -> list[Array]:
         """Windows from their first samples as measured, side by side."""
-        form, positions = self.form, self.form.linear.integrates
-        y = side_by_side([run.y for run in runs])
-        u, place = side_by_side([run.u for run in runs]), side_by_side([run.place for run in runs])
-        ticks, limit = np.array([run.tick for run in runs]), farthest(runs)
-        for k in range(form.reach, len(y)):
-            step = np.sum(form.terms(y, u, place, k) * self.weights, axis=1)
-            y[k] = np.clip(positions * y[k - 1] + step, -limit, limit)
-            place[k] = y[k] if positions else place[k - 1] + 0.5 * ticks * (y[k] + y[k - 1])
+        form, linear = self.form, self.form.linear
+        y, u, place = (side_by_side(some) for some in zip(*((r.y, r.u, r.place) for r in runs), strict=True))
+        shape = len(runs), 2 * linear.order + 2, len(form.knots)
+        weights = np.broadcast_to(self.weights, (len(runs), self.weights.shape[-1])).reshape(shape)
+        how = linear.order, form.by, linear.integrates, form.reach
+        ticks = np.array([run.tick for run in runs])
+        steps.simulate_scheduled(y, u, place, weights, form.knots, *how, ticks, farthest(runs))
         return [y[: len(run.y), w] for w, run in enumerate(runs)]
-
-
-def _nearness(x: Array, knots: Array) -> Array:
-    """Of values to knots, shape (n, k): 1 at a knot, 0 at its neighbours; beyond the ends as there."""
-    at = np.interp(x, knots, np.arange(len(knots)))
-    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(len(knots))))
 
 
 class Scheduled(NamedTuple):
