@@ -140,6 +140,7 @@ def test_a_cause_that_is_there_stays(late):
     assert timed(late, 0.02 * OMEGA_N**2, stiff=0.02) is None
 
 
+@pytest.mark.slow
 @pytest.mark.computes
 def test_a_record_of_late_commands_has_no_cause_and_says_so():
     late, _ = recorded(volts(T - 1.0 / RATE), moved())

@@ -67,6 +67,7 @@ SPEED = np.array([[0.0, 1.0], [-36.0, -4.8]]), np.array([[0.0], [72.0]])
 """K_L = 2, omega_n = 6 rad/s, zeta = 0.4."""
 
 
+@pytest.mark.slow
 @pytest.mark.computes
 def test_a_speed_without_sign_is_taken_for_one():
     """Of both signs of u it goes up: neither Eq. 1 of a speed nor of a position says much of it."""
@@ -105,6 +106,7 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
     assert types == [False]
 
 
+@pytest.mark.slow
 @pytest.mark.computes
 def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
     monkeypatch.setitem(EFFORTS, "quick", 0.05)
@@ -120,6 +122,7 @@ def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
     assert diagnose([recorded(y, u)], (), Options(None, effort="quick")).output == "position"
 
 
+@pytest.mark.slow
 @pytest.mark.computes
 def test_a_power_is_named_where_no_sign_ever_shows():
     """Whether a sensor shows a sign such a record does not tell; that it is bent it does."""
