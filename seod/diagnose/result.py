@@ -246,7 +246,8 @@ class Account:
         shown_by: How the systematic part is known.
         noise_order: Of the autoregression that the rest is; 0 of white noise.
         noise_correlation_s: Its correlation time [s].
-        asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other.
+        asked: The recording could have shown a systematic part; windows of a sweep are too unlike each other,
+            and a plant that rings through them may stand for anything.
         detectable_nrmse: NRMSE from which on a systematic part would have been shown with these rows;
             infinite where none would.
         on_load: How much of what does not repeat acts on the load; None where its spectrum does not tell.

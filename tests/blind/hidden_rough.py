@@ -112,9 +112,16 @@ class Rough:
         return {name for name, there in (("periodic_disturbance", hum), (COARSE, self.bits)) if there}
 
     def forgiven(self, causes, told: dict) -> dict:
-        """The answer without what is there as well, and without the verdict on what a sampler leaves."""
-        extra = self.also_there - set(causes)
-        effects = [each for each in told["effects"] if each["name"] not in extra]
+        """The answer without what is there as well, and without the verdict on what a sampler leaves.
+
+        A name stays that is told to be indistinguishable from what is hidden.
+        """
+        extra, hidden = self.also_there - set(causes), set(causes)
+        effects = [
+            each
+            for each in told["effects"]
+            if each["name"] not in extra or hidden.intersection(each["indistinguishable_from"])
+        ]
         verdict = told["verdict"]
         if verdict == "unexplained" and self.leaves > RELEVANT and not set(causes) & set(UNLISTED):
             verdict = "effects"

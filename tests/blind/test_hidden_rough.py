@@ -254,6 +254,15 @@ def test_what_a_sampler_leaves_may_be_unexplained(kind, causes, verdict, named, 
     assert outcome(kind, causes, judged) == expected
 
 
+def test_a_hum_that_is_told_to_be_as_good_as_what_is_hidden_counts():
+    how = replace(QUIET, mains=0.3)
+    named = effect("periodic_disturbance") | {"indistinguishable_from": ["load_resonance"]}
+    told = {"verdict": "effects", "effects": [named]}
+    assert outcome("one", ("load_resonance",), how.forgiven(("load_resonance",), told)) == "within"
+    assert outcome("one", ("backlash",), how.forgiven(("backlash",), told)) == "wrong"
+    assert outcome("clean", (), how.forgiven((), told)) == "exact"
+
+
 def test_a_delay_is_not_counted_where_a_sampler_has_one_of_its_own():
     rig = Rig(12.0, 90.0, 0.3, {"transport_delay": {"time": 2e-3}, "valve_lag": {"time": 1e-3}})
     case = replace(bare(), rig=rig)

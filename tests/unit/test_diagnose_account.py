@@ -31,6 +31,7 @@ from seod.diagnose.account.residual import (
     window_residuals,
 )
 from seod.diagnose.account.yardstick import beaten, yardstick
+from seod.diagnose.causes.base import LEAST_DAMPING
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.noise_colour import NoiseColour
 from seod.diagnose.fitting.repeats import repeats
@@ -258,6 +259,21 @@ def test_less_is_asked_of_arx_where_nothing_else_would_have_shown(
     held = simulate_held_out(lagging.model, off, lagging.cut)
     accounted(lagging, held, held, held)
     assert asked == [chance]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "asked"),
+    [({}, True), ({"zeta": 0.0012}, False), ({"zeta": LEAST_DAMPING}, False), ({"zeta": 0.05}, True)],
+)
+def test_of_a_plant_that_rings_through_its_windows_nothing_is_known(lagging, monkeypatch, numbers, asked):
+    """Its oscillation begins anew in each, and may stand for anything."""
+    shown = Shown(0.0, "nothing", NoiseColour((), 0.0, 1.0), asked=True, detectable=0.1)
+    monkeypatch.setattr("seod.diagnose.account.account.systematic", lambda *_, **__: shown)
+    monkeypatch.setattr("seod.diagnose.account.account.yardstick", lambda *_: None)
+    held = simulate_held_out(lagging.model, lagging.x, lagging.cut)
+    off = lagging.model.searched(lagging.model.values(lagging.x) | numbers)
+    told, _ = accounted(replace(lagging, x=off), held, held, held)
+    assert told.asked == asked
 
 
 @pytest.mark.slow

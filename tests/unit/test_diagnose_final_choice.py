@@ -35,10 +35,17 @@ def judged(held, whole, adequacy=50.0):
 
 
 def test_a_set_that_simulates_worse_than_the_baseline_is_worse():
-    base = judged(0.3, 1.2)
+    base = judged(0.3, 0.9)
     assert worse(judged(1.3, 0.5), base)
-    assert worse(judged(0.1, 1.3), base)
+    assert worse(judged(0.1, 1.0), base)
     assert not worse(judged(0.1, 0.2), base)
+
+
+def test_a_baseline_no_nearer_to_the_whole_than_a_mean_is_no_measure_of_it():
+    """An oscillation begun anew in each window left 13 %, and over the whole recording 100 %."""
+    base = judged(0.13, 1.004)
+    assert not worse(judged(0.04, 1.06), base)
+    assert worse(judged(0.2, 0.5), base)
 
 
 def test_of_a_coarse_sensor_only_what_lies_beyond_the_interval_of_a_reading_is_worse():

@@ -66,7 +66,7 @@ def test_the_dominant_period_of_a_long_position_is_not_that_of_its_drift(monkeyp
     """The longer it is recorded, the farther it drifts, and the slower."""
     y = 20.0 * np.sin(2.0 * np.pi * 0.09 * T) + np.sin(2.0 * np.pi * 5.3 * T)
     assert series(of(y)).period_s == pytest.approx(1.0 / 0.09, rel=0.1)
-    monkeypatch.setattr(series_of, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(T) - 1))
+    monkeypatch.setattr(series_of, "SERIES", replace(series_of.SERIES, drifting_rows=len(T) - 1))
     assert series(of(y)).period_s == pytest.approx(1.0 / 5.3, rel=0.02)
     assert series(of(y), sees_speed=True).period_s == pytest.approx(1.0 / 0.09, rel=0.1)
 
@@ -74,7 +74,7 @@ def test_the_dominant_period_of_a_long_position_is_not_that_of_its_drift(monkeyp
 def test_noise_is_not_taken_for_the_speed_of_a_long_position(monkeypatch):
     """Of a slow movement sampled quickly the change is noise for the most part."""
     y = np.sin(2.0 * np.pi * 0.4 * T) + np.random.default_rng(1).normal(0.0, 0.05, len(T))
-    monkeypatch.setattr(series_of, "BLOCKS", replace(blocks.BLOCKS, searched_rows=len(T) - 1))
+    monkeypatch.setattr(series_of, "SERIES", replace(series_of.SERIES, drifting_rows=len(T) - 1))
     assert series(of(y)).period_s == pytest.approx(1.0 / 0.4, rel=0.1)
 
 

@@ -12,8 +12,10 @@ from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.loop import answers
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
 from seod.diagnose.account.yardstick import beaten, yardstick
+from seod.diagnose.fitting.initial_states import rings
 from seod.diagnose.fitting.noise_colour import NoiseColour, colour
 from seod.diagnose.fitting.repeats import repeats
+from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import Account, Yardstick
 from seod.diagnose.tuning.account import ACCOUNT, GRADE, SYSTEMATIC
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.repeats import Share
     from seod.diagnose.record.series import Series
+    from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Evidence, OnLoad
 
 
@@ -64,6 +67,7 @@ def accounted(
     The systematic part is the largest that is shown by what repeats with the command, by what a black box
     foretells of windows that it has not seen, or by how much nearer ARX or NARX come: each is the least that
     there is. Where much is left, and the first two would have shown nothing, less is asked of the third.
+    Of a plant at an end of its range, or that rings through its windows, nobody can tell what it leaves.
 
     Args:
         found: The extended model.
@@ -103,12 +107,16 @@ def accounted(
         systematic_nrmse=math.sqrt(shown.part) * held.nrmse,
         shown_by=shown.by,
         noise_order=shown.noise.order,
-        asked=shown.asked or shown.part > 0.0,
+        asked=shown.part > 0.0 or (shown.asked and _is_a_plant(found, held.cut)),
         detectable_nrmse=math.sqrt(shown.detectable) * held.nrmse,
         noise_correlation_s=shown.noise.correlation * held.cut.series[0].tick,
         on_load=shown.on_load,
     )
     return account, None if other is None else Yardstick(other.arx, other.narx, other.changes_with)
+
+
+def _is_a_plant(found: Fitted, held: Cut) -> bool:
+    return not at_limits(found) and not rings(found.model, found.x, held)
 
 
 def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:

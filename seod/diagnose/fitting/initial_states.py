@@ -34,6 +34,13 @@ def measured_places(cut: Cut) -> Array:
     return start
 
 
+def rings(model: Model, x: Array, cut: Cut) -> bool:
+    """Whether a plant oscillates of its own through windows: begun anew in each, that stands for anything."""
+    values = model.values(x)
+    longest = max(cut.series[k].t[last - 1] - cut.series[k].t[first] for k, first, last in cut.windows)
+    return bool(values["zeta"] * values["omega_n"] * longest < INITIAL_STATES.rings)
+
+
 def simulated_states(
     model: Model, x: Array, cut: Cut, loose: float = INITIAL_STATES.places_in_gap[0]
 ) -> Array:

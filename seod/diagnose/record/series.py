@@ -13,7 +13,7 @@ from seod.diagnose.record.coarse_sensor import readings
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import DiagnoseError
-from seod.diagnose.tuning.record import BLOCKS, SERIES
+from seod.diagnose.tuning.record import SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -164,7 +164,7 @@ def series(
     if taken is not None:
         t = taken
     t_u = np.maximum.accumulate(t_u)
-    drifts = not sees_speed and len(t) > BLOCKS.searched_rows
+    drifts = not sees_speed and len(t) > SERIES.drifting_rows
     noise = _noise(t, y, good, taken is not None)
     period_s = 1.0 / dominant_hz(t, y, good, noise if drifts else None)
     least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))

@@ -156,11 +156,12 @@ def above_noise(held: HeldOut) -> float:
 def worse(judged: Judged, base: Judged) -> bool:
     """Whether a set simulates windows held out, or the whole recording, worse than the baseline.
 
-    One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance.
+    One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance. And
+    a baseline that is no nearer to the whole than a mean says nothing of it.
     """
     if judged.held.rms > base.held.rms:
         return True
-    return judged.held.adequacy > HELD_OUT.adequate and judged.whole > base.whole
+    return judged.held.adequacy > HELD_OUT.adequate and base.whole < 1.0 and judged.whole > base.whole
 
 
 def _least(some: Sequence[Judged], screen: Screen) -> Judged:

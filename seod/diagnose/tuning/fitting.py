@@ -117,6 +117,8 @@ class InitialStates:
     """[-] In a gap where the load may have been at rest, over it: the middle and both flanks. Chosen."""
     settling_steps: int = 2
     """[steps] Of the initial states that a fit begins with. Chosen."""
+    rings: float = 1.0
+    """[time constants] In a window, below which a plant's own oscillation is not over with it. Chosen."""
 
 
 INITIAL_STATES: Final = InitialStates()

@@ -371,6 +371,9 @@ class Series:
     """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
+    drifting_rows: int = 30_000
+    """[rows] Of a position, from which on its slow drift is not its period. Measured: in 48 s at 1 kHz one
+    made windows of 12 s, and of three rigs causes were not found that 12 s name."""
     line_above_noise: float = 5.0
     """[-] A line over the root mean square of the noise's spectrum, at least. Chosen: of white noise one line
     in 10^11 is."""
