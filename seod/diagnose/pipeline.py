@@ -135,8 +135,9 @@ def _diagnose(
             samples = sum(last - first for one in every[0] for first, last in one.blocks)
             way = _Way(output == "velocity", fixed, parallel, Budget.of(samples, asked.effort), show)
             told = _searched(every, way, types.closed[output])
-            given = asked.hold is not None or any(one.t_u is not None for one in recordings)
-            return told if given else _timed_otherwise(told, every, way, types.closed[output])
+            if asked.hold is not None:
+                return told
+            return _timed_otherwise(told, every, way, types.closed[output])
 
         progress("fitting Eq. 1", 0.0)
         told, output, typed = _as_either(types, searched_as, progress)

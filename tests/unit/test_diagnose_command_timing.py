@@ -3,6 +3,7 @@
 The plant is stepped by the exponential of its matrix, sixteen times in each row, apart from `sim`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,13 @@ def test_commands_of_each_row_may_have_been_a_row_earlier():
 
 def test_commands_that_were_seldom_looked_at_may_have_changed_each_row():
     assert min(each.lead for each in timings([recorded(seldom(4))[1]])) == -0.5
+
+
+def test_where_it_is_told_when_commands_were_given_they_were_not_given_earlier():
+    """They may still have changed between two looks."""
+    each_row, few = (replace(recorded(u)[0], t_u=T + 1e-4) for u in (volts(T), seldom(2)))
+    assert timings([series(each_row)]) == []
+    assert [each.lead for each in timings([series(few)])] == [-0.5]
 
 
 @pytest.mark.parametrize(

@@ -41,13 +41,17 @@ class Timing(NamedTuple):
 def timings(every: Sequence[Series]) -> list[Timing]:
     """How commands may have been given other than recorded; none where they stay for many rows.
 
-    From half a row later than straight on, as steps from row to row would be, to a row earlier.
+    From half a row later than straight on, as steps from row to row would be, to a row earlier. Where it is
+    told when they were given, they may have changed between two looks, but not earlier.
     """
     looks = {_looks(one.u) for one in every}
     if len(looks) > 1 or 0 in looks or any(one.drive[0] is not one.t_u for one in every):
         return []
+    told = any(not np.array_equal(one.t_u, one.t) for one in every)
+    if told and 1 in looks:
+        return []
     leads: Array = np.linspace(0.0 if 1 in looks else -0.5, 1.0, COMMAND_TIMING.leads)
-    return [Timing(lead) for lead in leads.tolist()]
+    return [Timing(lead) for lead in leads.tolist() if lead <= 0.0 or not told]
 
 
 def _looks(u: Array) -> int:
