@@ -1,6 +1,6 @@
 """Whether a recording gets byte for byte the same answer on one core and on two, idle, loaded, and twice.
 
-    python bench/same_answer.py [--records 50] [--first 23000] [--duration 6] [--cold 1]
+    python bench/same_answer.py [--records 50] [--first 23000] [--duration 6] [--cold 1] [--effort normal]
 
 Records come from the generator of `tests/blind`. Each is asked by `seod diagnose --json` as a process: on all
 cores, once more, on one core, and on all cores beside as many busy programs. Of the first `--cold` ones it is
@@ -24,6 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "blind"))
 from hidden_cases import Invisible, draw
 from hidden_records import make_record, write
 
+from seod.diagnose.search.budget import EFFORTS
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -31,10 +33,10 @@ KINDS = ("one", "two", "clean", "unlisted")
 EXCITATIONS = ("multisine", "relay", "steps", "operation")
 
 
-def answer(path: Path, cores: int, cache: str | None = None) -> tuple[bytes, float]:
+def answer(path: Path, effort: str, cores: int, cache: str | None = None) -> tuple[bytes, float]:
     """What the command prints, and its wall time [s]."""
     environment = os.environ | ({"NUMBA_CACHE_DIR": cache} if cache else {})
-    command = [sys.executable, "-m", "seod.cli", "diagnose", str(path), "--json"]
+    command = [sys.executable, "-m", "seod.cli", "diagnose", str(path), "--json", "--effort", effort]
     begin = perf_counter()
     run = subprocess.run(
         command,
@@ -59,15 +61,15 @@ def busy(programs: int) -> Iterator[None]:
             each.wait()
 
 
-def answers(path: Path, cores: int, cold: bool) -> Iterator[tuple[str, bytes, float]]:
+def answers(path: Path, effort: str, cores: int, cold: bool) -> Iterator[tuple[str, bytes, float]]:
     """How it was asked, the answer, and the wall time [s]."""
     for name, count in (("all cores", cores), ("once more", cores), ("one core", 1)):
-        yield name, *answer(path, count)
+        yield name, *answer(path, effort, count)
     with busy(cores):
-        yield "loaded", *answer(path, cores)
+        yield "loaded", *answer(path, effort, cores)
     if cold:
         with tempfile.TemporaryDirectory() as cache:
-            yield "cold", *answer(path, cores, cache)
+            yield "cold", *answer(path, effort, cores, cache)
 
 
 def record(number: int, seconds: float, path: Path) -> bool:
@@ -90,13 +92,14 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=23000)
     parser.add_argument("--duration", type=float, default=6.0)
     parser.add_argument("--cold", type=int, default=1)
+    parser.add_argument("--effort", choices=EFFORTS, default="normal")
     asked = parser.parse_args()
     cores, number, done, differ = len(os.sched_getaffinity(0)), asked.first, 0, 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.csv"
         while done < asked.records:
             if record(number, asked.duration, path):
-                told = list(answers(path, cores, done < asked.cold))
+                told = list(answers(path, asked.effort, cores, done < asked.cold))
                 others = [name for name, text, _ in told if text != told[0][1]]
                 times = ", ".join(f"{name} {wall:.1f} s" for name, _, wall in told)
                 print(
