@@ -109,6 +109,15 @@ def test_what_few_windows_do_not_show_is_asked_of_all(monkeypatch):
     assert not noise_alone(less, screened)
 
 
+def test_no_memory_decides_where_much_of_the_movement_is_left(monkeypatch):
+    """A slow spring left 5 % in two windows, and the search ended before it."""
+    found, screened = fitted(0.95, 0.0)
+    assert noise_alone(found, screened)
+    strict = replace(NOISE_ALONE, much=0.5 * NOISE)
+    monkeypatch.setattr("seod.diagnose.search.noise_alone.NOISE_ALONE", strict)
+    assert not noise_alone(found, screened)
+
+
 def test_a_memory_of_all_that_is_left_does_not_hide_what_makes_most_of_it():
     found, screened = fitted(0.99, 0.005)
     assert not nothing_promised(one_window(found), screened)

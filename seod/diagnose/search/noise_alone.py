@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from seod.diagnose.causes.table import CAUSES, further_causes, remote
+from seod.diagnose.fitting.held_out import nrmse
 from seod.diagnose.fitting.least_squares import weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.repeats import repeats
@@ -48,12 +49,19 @@ class _Left:
 
 
 def noise_alone(found: Fitted, screen: Screen) -> bool:
-    """Whether white noise is left, or noise of another colour: on the windows for trying, then on all."""
+    """Whether white noise is left, or little of another colour: on the windows for trying, then on all."""
     if found.excess < FIT.noise_alone:
         return True
-    if not nothing_promised(found, screen):
+    if _leaves_much(found) or not nothing_promised(found, screen):
         return False
     return found.cut is screen.every or nothing_promised(refined(found, screen.every, screen), screen)
+
+
+def _leaves_much(found: Fitted) -> bool:
+    """Whether so much of the movement is left that no memory decides whether it is noise."""
+    cut = found.cut
+    error = np.where(cut.good, weighted(found.model, cut, found.x, found.start), 0.0)
+    return nrmse([(cut.y[p], cut.y[p] - error[p], cut.good[p]) for p in cut.slices]) > NOISE_ALONE.much
 
 
 def nothing_promised(found: Fitted, screen: Screen, *, beside_slow: bool = False) -> bool:

@@ -79,6 +79,9 @@ class NoiseAlone:
     telling: float = 0.5
     """[-] Rows that have all of their past, or that rounding does not hide, over those that count, at least.
     Chosen."""
+    much: float = 0.05
+    """[-] NRMSE that is left, above which causes are tried whatever the past foretells of it. Chosen: a
+    controller can be designed by less. What is named then still has to stand against noise of that colour."""
     most: float = 0.4
     """[-] Part of what is left that an effect makes up, from which on it may hide in the noise's memory.
     Chosen: of less what the past does not foretell tells more."""
