@@ -35,22 +35,27 @@ def coloured(memory, sd, seed=3):
     return sd * np.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], white)[3000:]
 
 
-def moved(u, drag=0.0):
-    """Pressure, velocity and position of Eq. 1 with a force against the square of speed, by Heun's method."""
+def by_heun(slope, u):
+    """States from rest, shape (3, n), by Heun's method, four steps to a row; `slope` of state and volts."""
     h, w = 1.0 / RATE / 4.0, np.zeros(3)
     out = np.empty((len(u), 3))
-
-    def slope(w, volts):
-        p, v, _ = w
-        brakes = drag * v * abs(v)
-        return np.array([OMEGA_N**2 * (K_L * volts - v) - 2.0 * ZETA * OMEGA_N * p, p - brakes, v])
-
     for k, volts in enumerate(u):
         out[k] = w
         for _ in range(4):
             first = slope(w, volts)
             w = w + 0.5 * h * (first + slope(w + h * first, volts))
     return out.T
+
+
+def moved(u, drag=0.0):
+    """Pressure, velocity and position of Eq. 1 with a force against the square of speed."""
+
+    def slope(w, volts):
+        p, v, _ = w
+        brakes = drag * v * abs(v)
+        return np.array([OMEGA_N**2 * (K_L * volts - v) - 2.0 * ZETA * OMEGA_N * p, p - brakes, v])
+
+    return by_heun(slope, u)
 
 
 def parts_of(u, error, states, count=8):

@@ -1,10 +1,11 @@
-"""Models without physics beside the plant's. Truths are integrated here, by Heun's method."""
+"""Models without physics beside the plant's. Truths are integrated by Heun's method."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from account_truth import by_heun
 from diagnose_truth import RATE, recording
 from scipy.signal import lfilter
 
@@ -29,20 +30,13 @@ def command(seed=1):
 
 def moved(u, stiffness=lambda x: 1.0, leaves=lambda p: 0.0):
     """Pressure, velocity and position; oil's stiffness by position, and a flow that leaves by pressure."""
-    h, w = 1.0 / RATE / 4.0, np.zeros(3)
-    out = np.empty((len(u), 3))
 
     def slope(w, volts):
         p, v, x = w
         flow = K_L * volts - v - 2.0 * ZETA / OMEGA_N * p - leaves(p)
         return np.array([stiffness(x) * OMEGA_N**2 * flow, p, v])
 
-    for k, volts in enumerate(u):
-        out[k] = w
-        for _ in range(4):
-            first = slope(w, volts)
-            w = w + 0.5 * h * (first + slope(w + h * first, volts))
-    return out.T
+    return by_heun(slope, u)
 
 
 def halves(u, y, noise=0.01, **more):
