@@ -13,6 +13,7 @@ from seod.diagnose.account.account import accounted
 from seod.diagnose.account.prediction_errors import Predicted, Predictions
 from seod.diagnose.causes.table import LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
+from seod.diagnose.fitting.command_lead import lead_remarks
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
@@ -151,7 +152,7 @@ def _diagnose(
     answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
     remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
-    remarks += [] if timed is None else [timed.sentence]
+    remarks += lead_remarks(found.chosen.last) if timed is None else [timed.sentence]
     searched = start.to_fit.series
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
     answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
@@ -178,7 +179,7 @@ class _Rows(NamedTuple):
                 step=defects.step,
                 late=defects.late,
                 taken=defects.taken,
-                hold=self.hold or "zero",
+                hold=self.hold,
                 nominal_ps=self.nominal.get("nominal_ps"),
                 nominal_temperature=self.nominal.get("nominal_temperature"),
                 nominal_f=self.nominal.get("nominal_f"),
@@ -374,7 +375,8 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     progress("measuring the gain", 0.8)
     base, chosen = _measured(choice, start, unseen, way)
     base, chosen = _remembering(choice, base, chosen, start, unseen, way)
-    last_base = chosen.to_all if chosen.over_all is base.found else _last(base.found, start, way)
+    is_base = chosen.over_all is base.found
+    last_base = chosen.to_all if is_base else _last(base.found, start, way, as_recorded=True)
     chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.over_all, to_fit).held
@@ -405,7 +407,7 @@ def _remembering(
         return base, chosen
     predicted = _by_predictions(choice, chosen.over_all, start, way)
     if predicted is None:
-        drift = drifting_load(chosen.to_all, start.held_out.series, way.parallel, way.budget.drift())
+        drift = drifting_load(chosen.to_all, chosen.to_all.cut.series, way.parallel, way.budget.drift())
         return base, replace(chosen, drift=drift)
     own = Judged.of(predicted.told, unseen)
     without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
@@ -449,11 +451,11 @@ def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: _Way) -> tuple[Fitt
     )
 
 
-def _last(found: Fitted, start: _Start, way: _Way) -> Fitted:
+def _last(found: Fitted, start: _Start, way: _Way, *, as_recorded: bool = False) -> Fitted:
     """Fitted to all rows of the recordings, once nothing more is asked of those that were held out."""
     series = start.held_out.series
     if any(len(one.blocks) > 1 for one in series):
         every = all_but(series, Cut(series, ()))
     else:
         every = Cut(series, tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
-    return fitted_to_all_rows(found, every, way.parallel, way.budget.last_fit())
+    return fitted_to_all_rows(found, every, way.parallel, way.budget.last_fit(), as_recorded)

@@ -45,6 +45,8 @@ FINER, SLOWER = (2, 4, 8), (2, 3, 4)
 """Commands in the place of one row; rows in the place of one command."""
 MILD_SINCE = 130000
 """From this number on a sampler loses no more than the noise: a cause that shows less cannot be told."""
+TOLD_SINCE = 130300
+"""From this number on a file that tells when commands were given has no sampler: it would tell a falsehood."""
 RELEVANT = 0.02
 """Of the movement's deviation: what a sampler leaves and is more has no name, and is rightly unexplained."""
 TURNED = {"asymmetric_gain.ratio", "null_shift.voltage"}
@@ -163,13 +165,14 @@ def rough(case: Case) -> Rough:
 
 
 def _with_mains_and_sampler(case: Case, how: Rough) -> Rough:
-    """By a stream of their own. Samples that are taken at random times have no sampler."""
+    """By a stream of their own. Samples that are taken at random times have no sampler, nor told commands."""
     random = np.random.default_rng([case.number, 11])
     mains = float(random.uniform(0.1, 0.6) * (random.random() < 0.4))
     sampler = str(random.choice(SAMPLERS, p=OF_SAMPLERS))
     finer, slower = int(random.choice(FINER)), int(random.choice(SLOWER))
     late = int(random.integers(1, finer + 1))
-    if sampler == "none" or "jitter" in case.defects:
+    told = case.latency > 0.0 and case.number >= TOLD_SINCE
+    if sampler == "none" or told or "jitter" in case.defects:
         return replace(how, mains=mains)
     how = replace(
         how,

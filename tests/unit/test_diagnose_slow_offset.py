@@ -15,13 +15,14 @@ from scipy.signal import lfilter
 
 from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.fitting import slow_offset
+from seod.diagnose.fitting import beside
+from seod.diagnose.fitting.beside import beside_slow_offset
 from seod.diagnose.fitting.free_run import whole_series
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour
-from seod.diagnose.fitting.slow_offset import beside_slow_offset, slow_part
+from seod.diagnose.fitting.slow_offset import slow_part
 from seod.diagnose.fitting.uncertainty import covariance
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut
@@ -93,7 +94,7 @@ def test_without_it_numbers_are_bent_by_many_deviations():
 def test_a_step_that_a_simulation_does_not_follow_in_proportion_is_not_taken(monkeypatch):
     y = disturbed(0.7, 3)
     taken = off(y, slow=True)
-    monkeypatch.setattr(slow_offset, "SLOW_OFFSET", replace(slow_offset.SLOW_OFFSET, astray=0.0))
+    monkeypatch.setattr(beside, "SLOW_OFFSET", replace(beside.SLOW_OFFSET, astray=0.0))
     left = off(y, slow=True)
     assert left[0] * left[1] == pytest.approx(off(y, slow=False)[0] * off(y, slow=False)[1])
     assert left[0] != taken[0]

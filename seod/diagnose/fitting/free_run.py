@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seod.diagnose.fitting.beside import beside_lead, beside_slow_offset
+from seod.diagnose.fitting.command_lead import untimed
 from seod.diagnose.fitting.held_out import simulate_held_out, whole
 from seod.diagnose.fitting.initial_states import begun_states, measured_places
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
-from seod.diagnose.fitting.slow_offset import beside_slow_offset
 from seod.diagnose.record.windows import Cut, all_but, fitted_windows, segments
 from seod.diagnose.result import FreeRun
 from seod.diagnose.tuning.fitting import FREE_RUN
@@ -88,7 +89,7 @@ def fitted_over(fitted: Fitted, cut: Cut, parallel: ParallelMap, ended: Callable
 
 
 def fitted_to_all_rows(
-    fitted: Fitted, windows: Cut, parallel: ParallelMap, ended: Callable[[], bool]
+    fitted: Fitted, windows: Cut, parallel: ParallelMap, ended: Callable[[], bool], as_recorded: bool = False
 ) -> Fitted:
     """The same set from its own numbers, fitted to the rows that were held out, too.
 
@@ -97,6 +98,7 @@ def fitted_to_all_rows(
         windows: All of the recordings.
         parallel: As `map`.
         ended: Tells when no further step begins.
+        as_recorded: Commands were given when they are recorded, also where nobody tells.
     """
     own = fitted.cut
     longest = max(float(own.series[k].t[b - 1] - own.series[k].t[a]) for k, a, b in own.windows)
@@ -104,8 +106,9 @@ def fitted_to_all_rows(
         cut = segments(Cut(windows.series, whole_series(windows.series)), longest)
     else:
         cut = fitted_windows(windows)
-    last = fitted_over(fitted, cut.remembering(own.memory, own.slow), parallel, ended)
-    return beside_slow_offset(last, parallel)
+    cut = cut.remembering(own.memory, own.slow)
+    last = fitted_over(fitted, cut if as_recorded else untimed(cut, fitted.model), parallel, ended)
+    return beside_slow_offset(beside_lead(last, parallel, ended), parallel)
 
 
 def whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from scipy.stats import ttest_1samp
 
 from seod.diagnose.causes.table import OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE
+from seod.diagnose.fitting.command_lead import untimed
 from seod.diagnose.fitting.free_run import fitted_over, unseen, whole_series
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.record.sweep import sweeps
@@ -60,7 +61,7 @@ def drifting_load(
     """
     if any(sweeps(one.t, one.u) for one in every):
         return None
-    runs = Cut(every, whole_series(every))
+    runs = untimed(Cut(every, whole_series(every)), last.model)
     plain = fitted_over(last, runs, parallel, ended)
     drifting = fitted_over(_begun(plain), runs, parallel, ended)
     if plain.cost - drifting.cost < LOAD_DRIFT.least_gain or ended():

@@ -10,19 +10,14 @@ Signal Processing, vol. 1, 11.6).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.fitting.least_squares import LeastSquares
 from seod.diagnose.tuning.fitting import SLOW_OFFSET
 
 if TYPE_CHECKING:
-    from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.noise_colour import NoiseColour
-    from seod.diagnose.fitting.normal_equations import Normal
-    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
 
@@ -48,32 +43,3 @@ def half_waves(cut: Cut, first: int = 0) -> Array | None:
             cut.unforeseen(cut.slow * np.cos(k * angle) * own) for k in range(first, SLOW_OFFSET.most + 1)
         ]
     return np.stack(columns, axis=1)
-
-
-def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:
-    """The same set with the numbers that it has beside such an offset.
-
-    One step: the offset is in the noise, so that it changes them by little. Where the simulation does not
-    follow it in proportion they stay as they are.
-    """
-    beside = half_waves(fitted.cut)
-    if beside is None:
-        return fitted
-    search = LeastSquares(fitted.model, fitted.cut, parallel, np.ones(len(fitted.x), np.bool_))
-    residual, error = search.tried(fitted.x, fitted.start)
-    parts = search.derivatives(fitted.x, fitted.start, residual, error, beside)
-    step, states = stepped(parts, search, fitted.x)
-    step[len(fitted.x) :] = 0.0  # the offset itself is no part of the model
-    x = fitted.x + step[: len(fitted.x)]
-    start, moved, new = search.moved(x, fitted.start, states, 1.0)
-    astray = np.where(search.good, moved - residual + parts.along(step, states), 0.0)
-    if float(astray @ astray) > SLOW_OFFSET.astray * float(residual[search.good] @ residual[search.good]):
-        return fitted
-    return replace(fitted, x=x, start=start, error=new)
-
-
-def stepped(parts: Normal, search: LeastSquares, x: Array) -> tuple[Array, Array]:
-    """The step to the least squares of what is searched and of what is beside it, and initial states'."""
-    free = np.full(parts.unknowns - len(x), math.inf)
-    low, high = np.maximum(search.low - x, -search.reach), np.minimum(search.high - x, search.reach)
-    return parts.step(0.0, np.r_[low, -free], np.r_[high, free])

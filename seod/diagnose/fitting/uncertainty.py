@@ -11,13 +11,12 @@ from scipy.stats import norm, t, ttest_1samp
 from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import CAUSES, GAPS
 from seod.diagnose.fitting.backlash_jumps import contacts, jumps
-from seod.diagnose.fitting.least_squares import LeastSquares, least_square
+from seod.diagnose.fitting.beside import correlated_rows, linear
+from seod.diagnose.fitting.least_squares import least_square
 from seod.diagnose.fitting.model import grouped
 from seod.diagnose.fitting.simulate import inside
-from seod.diagnose.fitting.slow_offset import half_waves, stepped
 from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.fitting import UNCERTAINTY
-from seod.identify.spread import correlation_time
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -32,17 +31,17 @@ def covariance(fitted: Fitted) -> Array:
     """Of the searched numbers, shape (p, p): wider by the residual's correlation where it is no noise.
 
     And at least as wide as parts of the recordings pull each number to and fro: what bends one of them
-    slowly is not in the correlation. And beside an offset that moves slowly, where the noise may have one. Of
+    slowly is not in the correlation. And beside what is beside the model. Of
     a coarse sensor's samples those count that lie outside their interval, by their own error. A number that
     the samples do not show at all is known to lie within its bounds.
     """
     cut = fitted.cut
-    parts, left = _linear(fitted)
+    parts, left = linear(fitted)
     curvature = parts.curvature()
     if cut.coarse:
         outside = max(int(np.count_nonzero(left)), 1) / int(np.count_nonzero(cut.good))
         curvature = np.asarray(outside * curvature)
-    searched, correlation = slice(len(fitted.x)), max(1.0, _correlation(fitted, left))
+    searched, correlation = slice(len(fitted.x)), max(1.0, correlated_rows(fitted, left))
     bounds = np.full(parts.unknowns, correlation - 1.0)  # of what is beside the model, known as well as it is
     bounds[searched] = correlation * _by_bounds(fitted)
     inverse = _inverse(curvature, bounds)
@@ -54,23 +53,6 @@ def covariance(fitted: Fitted) -> Array:
         if coordinate.place in GAPS:
             out[k, k] += (_closing(fitted) / coordinate.scale) ** 2
     return out
-
-
-def _linear(fitted: Fitted) -> tuple[Normal, Array]:
-    """Normal equations beside what else is in the noise, and what is left without that, shape (n,)."""
-    search = LeastSquares(fitted.model, fitted.cut, map, np.ones(len(fitted.x), np.bool_))
-    residual, error = search.tried(fitted.x, fitted.start)
-    beside = half_waves(fitted.cut)
-    parts = search.derivatives(fitted.x, fitted.start, residual, error, beside)
-    if beside is None:
-        return parts, residual
-    return parts, residual - parts.along(*stepped(parts, search, fitted.x))
-
-
-def _correlation(fitted: Fitted, left: Array) -> float:
-    """Of how many rows what is left, shape (n,), counts as one."""
-    parts = zip(fitted.cut.slices, fitted.error, strict=True)
-    return float(correlation_time(np.concatenate([left[rows] / math.sqrt(e + 1e-300) for rows, e in parts])))
 
 
 def _inverse(curvature: Array, bounds: Array) -> Array:

@@ -28,14 +28,24 @@ class Timing(NamedTuple):
 
     def of(self, one: Series) -> Series:
         """A recording with such commands; as it is where they stay for many rows."""
-        rows = _looks(one.u)
+        rows = looks(one.u)
         if not rows:
             return one
         t_u, u = one.t_u, one.u
         if rows > 1:
             seen = np.arange(int(np.flatnonzero(np.diff(u))[0] + 1) % rows, len(u), rows)
             u = np.interp(t_u, t_u[seen], u[seen])
-        return replace(one, drive=straight_on(t_u - self.lead * one.tick, u))
+        return replace(
+            one,
+            drive=straight_on(t_u - self.lead * one.tick, u),
+            lead=self.lead + COMMAND_TIMING.middle * rows,
+        )
+
+
+def earlier(one: Series, rows: float) -> Series:
+    """A recording with its commands so many rows earlier."""
+    times, volts = one.drive
+    return replace(one, drive=(times - rows * one.tick, volts), lead=one.lead + rows)
 
 
 def timings(every: Sequence[Series]) -> list[Timing]:
@@ -44,17 +54,17 @@ def timings(every: Sequence[Series]) -> list[Timing]:
     From half a row later than straight on, as steps from row to row would be, to a row earlier. Where it is
     told when they were given, they may have changed between two looks, but not earlier.
     """
-    looks = {_looks(one.u) for one in every}
-    if len(looks) > 1 or 0 in looks or any(one.drive[0] is not one.t_u for one in every):
+    rows = {looks(one.u) for one in every}
+    if len(rows) > 1 or 0 in rows or any(one.drive[0] is not one.t_u for one in every):
         return []
     told = any(not np.array_equal(one.t_u, one.t) for one in every)
-    if told and 1 in looks:
+    if told and 1 in rows:
         return []
-    leads: Array = np.linspace(0.0 if 1 in looks else -0.5, 1.0, COMMAND_TIMING.leads)
+    leads: Array = np.linspace(0.0 if 1 in rows else -0.5, 1.0, COMMAND_TIMING.leads)
     return [Timing(lead) for lead in leads.tolist() if lead <= 0.0 or not told]
 
 
-def _looks(u: Array) -> int:
+def looks(u: Array) -> int:
     """Rows from one look at the commands to the next; 0 where they stay for longer than that."""
     changes = np.flatnonzero(np.diff(u))
     if len(changes) < COMMAND_TIMING.fewest:

@@ -49,6 +49,8 @@ class Series:
         blocks: (first row, row after the last) of the parts that windows are cut from.
         drive: Times and volts that the valve is given: the commands, or what runs straight on between.
         held: Most rows repeat a reading, and are not `good`.
+        timed: It is told when commands were given: by a column, or by the user.
+        lead: By how many rows earlier than held from where they are recorded, on average, they are given.
     """
 
     t: Array
@@ -72,6 +74,13 @@ class Series:
     blocks: tuple[tuple[int, int], ...]
     drive: tuple[Array, Array]
     held: bool = False
+    timed: bool = False
+    lead: float = 0.0
+
+    @property
+    def runs_on(self) -> bool:
+        """Whether commands are simulated to run on between their rows."""
+        return len(self.drive[0]) > len(self.t_u)
 
     @property
     def relayed(self) -> bool:
@@ -135,7 +144,7 @@ def series(
     nominal_temperature: float | None = None,
     nominal_f: float | None = None,
     taken: Array | None = None,
-    hold: Hold = "zero",
+    hold: Hold | None = None,
 ) -> Series:
     """A recording prepared.
 
@@ -149,7 +158,8 @@ def series(
         nominal_temperature: Temperature that counts as 0 [K or deg C, as the column]; None: its mean.
         nominal_f: Disturbance that counts as 0 [that of the column]; None: its mean.
         taken: When a sensor that repeats its readings took them [s], shape (n,); None: it does not.
-        hold: Whether a command holds until the next or runs straight on to it.
+        hold: Whether a command holds until the next or runs straight on to it; None: it holds, but nobody
+            tells.
 
     Raises:
         DiagnoseError: It has no command, too few samples, or one that never changes.
@@ -192,8 +202,9 @@ def series(
         tick=float(np.median(np.diff(t))),
         levels=len(np.unique(u)),
         blocks=((0, len(t)),),
-        drive=(t_u, u) if hold == "zero" else straight_on(t_u, u),
+        drive=straight_on(t_u, u) if hold == "first" else (t_u, u),
         held=taken is not None,
+        timed=hold is not None or (recording.t_u is not None and not np.array_equal(t_u, recording.t)),
     )
 
 

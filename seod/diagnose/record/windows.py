@@ -49,12 +49,14 @@ class Cut:
         windows: (series, first row, row after the last) of each, ascending within a series.
         memory: Of the noise, newest first: errors are what it does not foretell. Empty: they are as they are.
         slow: Deviation of what else is in the noise, an offset that moves slowly [unit of y]; 0: nothing.
+        untimed: When commands were given is a number beside the model.
     """
 
     series: Sequence[Series]
     windows: tuple[tuple[int, int, int], ...]
     memory: tuple[float, ...] = ()
     slow: float = 0.0
+    untimed: bool = False
 
     @cached_property
     def sizes(self) -> Rows:

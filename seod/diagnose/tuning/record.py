@@ -149,6 +149,23 @@ class CommandTiming:
     """[rows] From one look to the next, at most. Chosen."""
     fit_steps: int = 20
     """[steps] Of a fit with other commands. Chosen."""
+    middle: float = 0.5
+    """[looks] By which what runs straight on to the next look is earlier than what holds, on average. Chosen: by what it
+    is."""
+    unsure: float = 0.5
+    """[looks] Standard deviation of when commands were given, where nobody tells. Chosen: what runs on and
+    is noted late is half a look to one and a half earlier than recorded, what is noted when it is given is
+    not."""
+    most: float = 1.5
+    """[looks] Earlier than recorded, at most: what runs on, and is noted a look late. Chosen."""
+    least: float = 0.002
+    """[looks] Earlier, below which numbers stay as they are. Chosen."""
+    change: float = 0.1
+    """[-] Of that deviation, by which its derivative is taken. Chosen."""
+    mentioned: float = 0.25
+    """[-] Of that deviation, from which on the answer says so. Chosen."""
+    rounds: int = 4
+    """[-] Of when commands were given, and numbers fitted with that. Chosen: mostly two are enough."""
 
 
 COMMAND_TIMING: Final = CommandTiming()
