@@ -46,7 +46,7 @@ FINER, SLOWER = (2, 4, 8), (2, 3, 4)
 MILD_SINCE = 130000
 """From this number on a sampler loses no more than the noise: a cause that shows less cannot be told."""
 TOLD_SINCE = 130300
-"""From this number on a file that tells when commands were given has no sampler: it would tell a falsehood."""
+"""From this number on a file that tells when commands were given has no sampler: it would tell a lie."""
 RELEVANT = 0.02
 """Of the movement's deviation: what a sampler leaves and is more has no name, and is rightly unexplained."""
 TURNED = {"asymmetric_gain.ratio", "null_shift.voltage"}

@@ -14,6 +14,7 @@ from hidden_rig import Rig
 from hidden_rough import (
     MILD_SINCE,
     SAMPLERS,
+    TOLD_SINCE,
     Rough,
     _mains,
     dimension,
@@ -139,6 +140,14 @@ def test_from_a_number_on_no_sampler_loses_more_than_the_noise():
     assert max(one.leaves for one in later) <= bare().noise_part
     assert {one.sampler for one in later} > {"none"}
     assert all((one.leaves > 0.0) == (one.sampler != "none") for one in later)
+
+
+def test_from_a_number_on_a_file_that_tells_when_commands_were_given_has_no_sampler():
+    def samplers(latency):
+        return {rough(replace(bare(), number=TOLD_SINCE + k, latency=latency)).sampler for k in range(20)}
+
+    assert samplers(3e-4) == {"none"}
+    assert samplers(0.0) > {"none"}
 
 
 def test_what_is_drawn_besides_leaves_the_rest_as_it_was():

@@ -150,8 +150,8 @@ class CommandTiming:
     fit_steps: int = 20
     """[steps] Of a fit with other commands. Chosen."""
     middle: float = 0.5
-    """[looks] By which what runs straight on to the next look is earlier than what holds, on average. Chosen: by what it
-    is."""
+    """[looks] By which what runs straight on to the next look is earlier, on average, than what holds.
+    Chosen: by what it is."""
     unsure: float = 0.5
     """[looks] Standard deviation of when commands were given, where nobody tells. Chosen: what runs on and
     is noted late is half a look to one and a half earlier than recorded, what is noted when it is given is
