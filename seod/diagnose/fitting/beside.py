@@ -47,9 +47,9 @@ def correlated_rows(fitted: Fitted, left: Array) -> float:
 
 def beside_lead(fitted: Fitted, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
     """The same set with commands when they were given, where nobody tells, and numbers fitted with these."""
-    for _ in range(COMMAND_TIMING.rounds):
-        lead = _lead(fitted, parallel)
-        if abs(lead) * COMMAND_TIMING.unsure < COMMAND_TIMING.least:
+    for number in range(COMMAND_TIMING.rounds):
+        lead, least = _lead(fitted, parallel), COMMAND_TIMING.nearly if number else COMMAND_TIMING.least
+        if abs(lead) * COMMAND_TIMING.unsure < least:
             break
         trials = [
             fit(fitted.model, each, fitted.x, fitted.start, COMMAND_TIMING.fit_steps, parallel, ended=ended)
