@@ -159,7 +159,8 @@ class CommandTiming:
     most: float = 1.5
     """[looks] Earlier than recorded, at most: what runs on, and is noted a look late. Chosen."""
     least: float = 0.025
-    """[looks] Earlier, below which they stay as recorded. Measured: 0.023 of a gap's contacts seen at rows."""
+    """[looks] Earlier, below which they stay as recorded. Measured: 0.023 where a gap's contacts are
+    seen at rows."""
     nearly: float = 0.002
     """[looks] By which they are moved once more. Chosen."""
     change: float = 0.1
