@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +13,10 @@ from seod.diagnose.search import prune
 from seod.diagnose.tuning.search import PRUNE
 
 
-def judged(cost, nrmse=0.5, held=None):
+def judged(cost, nrmse=0.5, held=None, whole=None):
     held = SimpleNamespace(nrmse=nrmse, log_error=cost if held is None else held)
-    return SimpleNamespace(found=SimpleNamespace(cost=cost), held=held)
+    whole = nrmse if whole is None else whole
+    return SimpleNamespace(found=SimpleNamespace(cost=cost), held=held, whole=whole)
 
 
 @pytest.fixture
@@ -46,6 +48,24 @@ def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves
     own = judged(-3.0, 0.1)
     rest = judged(-3.0 + 0.8 * PRUNE.surely, held=-3.0 + held * PRUNE.surely)
     assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
+
+
+@pytest.mark.usefixtures("no_chance")
+@pytest.mark.parametrize(
+    ("with_it", "without", "leaves"),
+    [
+        pytest.param(0.011, 0.0112, True, id="one run gains nothing"),
+        pytest.param(0.011, 0.02, False, id="one run gains as much"),
+        pytest.param(0.03, 0.0301, False, id="one run is far off for another reason"),
+        pytest.param(math.nan, 0.02, False, id="one run does not end"),
+        pytest.param(0.0, math.inf, False, id="without it one run does not end"),
+    ],
+)
+def test_what_windows_alone_gain_is_of_their_initial_states(monkeypatch, with_it, without, leaves):
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
+    own, rest = judged(-3.0, 0.01, whole=with_it), judged(-2.0, 0.02, whole=without)
+    assert (prune._unidentified(own, {"a": rest}, 0.01) == [rest]) is leaves
 
 
 class WindowsHeldOut:

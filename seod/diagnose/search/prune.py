@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, further_causes
@@ -112,7 +113,7 @@ def thinned(
 
 
 def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
-    """Of effects that have no share, or whose size or gain may be none, the set without each."""
+    """Of effects without a share, or whose size or gain may be none, or a window's, the set without each."""
     spread = covariance(own.found)
     return [
         one
@@ -120,6 +121,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
         or (_may_be_none(own, name, spread) and not _much(one, own))
         or _gains_by_chance(own, name, one)
+        or _in_windows_alone(own, one)
     ]
 
 
@@ -127,6 +129,23 @@ def _gains_by_chance(own: Judged, name: str, fewer: Judged) -> bool:
     """Whether windows held out show of a cause no more than chance does."""
     tried = len(further_causes(own.found.model.scales, ()))
     return EFFECTS[name].cause and may_be_chance(fewer.held, own.held, tried)
+
+
+def _in_windows_alone(own: Judged, fewer: Judged) -> bool:
+    """Whether one run of the whole recordings gains next to nothing of what windows gain by an effect.
+
+    Then it is what each window begins with that makes the gain: a spring far off its centre is an offset that
+    moves slowly. A run that is far off says nothing.
+    """
+    if not own.whole <= PRUNE.far_off * own.held.nrmse:
+        return False
+    in_windows, in_one_run = _saved(fewer.held.nrmse, own.held.nrmse), _saved(fewer.whole, own.whole)
+    return in_one_run < PRUNE.part_in_one_run * in_windows
+
+
+def _saved(without: float, with_it: float) -> float:
+    """Of the log error."""
+    return math.log(without + 1e-300) - math.log(with_it + 1e-300)
 
 
 def _much(fewer: Judged, more: Judged) -> bool:

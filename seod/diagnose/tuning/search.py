@@ -131,6 +131,12 @@ class Prune:
     surely: float = 1.0
     """[-] Mean log squared error that an effect saves, from which on its size is not none, whatever its
     interval says: that takes the curve between its size and none for straight. Chosen."""
+    far_off: float = 2.0
+    """[-] NRMSE of one run of the whole recordings, over that of windows, beyond which it says nothing of an
+    effect. Chosen: drift of a plant that integrates, or what has no name."""
+    part_in_one_run: float = 0.25
+    """[-] Of the log error that an effect saves in windows, what it has to save in one run. Measured: 0.07
+    where a spring stood for an offset that moves, 0.77 and more of 29 causes that were there."""
 
 
 PRUNE: Final = Prune()
