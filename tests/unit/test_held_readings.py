@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from seod.diagnose.record.held_readings import held_readings
 
@@ -33,6 +35,22 @@ def test_the_clock_and_the_times_of_readings_are_found(rows, step):
     assert found.time == pytest.approx(rows * TICK, rel=1e-5)
     late = (found.taken - looked)[~found.repeated]
     assert np.max(np.abs(late)) < 0.11 * TICK
+
+
+@given(st.one_of(st.floats(1.22, 1.9), st.floats(2.1, 40.0)), st.floats(0.0, 1.0))
+def test_any_clock_is_found(rows, part):
+    """Near two rows a clock looks like the one that is as much above as it is below."""
+    _, y = shown(rows * TICK, phase=part * rows * TICK)
+    found = held_readings(T, y)
+    assert found is not None
+    assert found.time == pytest.approx(rows * TICK, rel=1e-3)
+
+
+@given(st.floats(0.2, 0.8), st.integers(0, 1000))
+def test_readings_that_are_lost_at_random_have_no_clock(part, seed):
+    lost = np.random.default_rng(seed).random(len(T)) < part
+    last = np.maximum.accumulate(np.where(lost, 0, np.arange(len(T))))
+    assert held_readings(T, movement(T)[last]) is None
 
 
 @pytest.mark.parametrize("rows", [2, 5, 10])

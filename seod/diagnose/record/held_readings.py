@@ -6,15 +6,16 @@ repeats does not.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from seod.diagnose.tuning.record import HELD_READINGS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from seod.diagnose.result import Array, Mask
 
 
@@ -50,47 +51,83 @@ def held_readings(t: Array, y: Array) -> Held | None:
     ):
         return None
     at = (t[fresh] - t[0]) / tick
-    period, first = _clock(at)
-    numbers = np.ceil((at - first) / period - 0.5 - HELD_READINGS.same_row) if period > 0.0 else at
-    late = at - first - numbers * period
-    off = HELD_READINGS.off_clock
-    on_clock = (late > -0.5 * HELD_READINGS.same_row - off) & (late < 1.0 + off)
-    ticks = numbers[-1] - numbers[0] + 1.0
-    if (
-        period < HELD_READINGS.least_held
-        or np.mean(on_clock) < HELD_READINGS.on_clock
-        or len(fresh) < HELD_READINGS.lone_readings * ticks
-    ):
+    clock = max(_clocks(at), key=lambda each: (round(_kept_to(each, at), 2), each.period))
+    if _kept_to(clock, at) < HELD_READINGS.on_clock:
         return None
+    numbers, late = clock.ticks(at)
     repeated = present.copy()
     repeated[fresh] = False
     taken = t.copy()
     taken[fresh] -= tick * np.clip(late, 0.0, 1.0 - HELD_READINGS.same_row)
-    return Held(period * tick, tick / max(float(numbers[-1] - numbers[0]), 1.0), repeated, taken)
+    return Held(clock.period * tick, tick / max(float(numbers[-1] - numbers[0]), 1.0), repeated, taken)
 
 
-def _clock(at: Array) -> tuple[float, float]:
-    """Rows between ticks, and the first tick, of new readings at the rows `at`, shape (m,).
+class _Clock(NamedTuple):
+    """Rows from tick to tick, and the first tick."""
+
+    period: float
+    first: float
+
+    def ticks(self, at: Array) -> tuple[Array, Array]:
+        """Numbers of ticks that brought new readings at the rows `at`, and how long before; shape (m,)."""
+        numbers = np.floor((at - self.first + HELD_READINGS.off_clock) / self.period)
+        return numbers, at - self.first - numbers * self.period
+
+
+def _kept_to(clock: _Clock, at: Array) -> float:
+    """Part of the new readings, at the rows `at`, shape (m,), that come first and alone after a tick.
+
+    0 where most ticks bring none.
+    """
+    numbers, late = clock.ticks(at)
+    ticks = numbers[-1] - numbers[0] + 1.0
+    if clock.period < HELD_READINGS.least_held or len(at) < HELD_READINGS.lone_readings * ticks:
+        return 0.0
+    first = late < 1.0 + HELD_READINGS.off_clock
+    return float(np.mean(first & np.append(True, np.diff(numbers) > 0.0)))
+
+
+def _clocks(at: Array) -> Iterator[_Clock]:
+    """Clocks that new readings at the rows `at`, shape (m,), may come from.
+
+    The rows of new readings have a line at the clock's frequency, which looks like what that is short of one
+    tick in a row.
+    """
+    near = np.round(at[at < HELD_READINGS.first_rows]).astype(np.int64)
+    new = np.bincount(near).astype(np.float64)
+    lines = HELD_READINGS.finer * len(new)
+    spectrum = np.abs(np.fft.rfft(new - np.mean(new), lines))
+    usual = 1.0 / float(np.median(np.diff(at)))
+    slowest = min(HELD_READINGS.slowest * usual, 1.0 - 1.0 / HELD_READINGS.least_held)
+    first, last = int(slowest * lines), int(HELD_READINGS.fastest * usual * lines) + 1
+    line = (first + float(np.argmax(spectrum[first:last]))) / lines
+    for per_row in (line, 1.0 - line):
+        yield _fitted(at, 1.0 / per_row)
+
+
+def _fitted(at: Array, period: float) -> _Clock:
+    """Fitted to more and more of the new readings: each time numbers of ticks farther on are settled.
 
     Readings come in the first row after a tick: of all clocks in agreement the latest.
     """
-    steps = np.diff(at)
-    usual = steps[steps < HELD_READINGS.usual_steps * float(np.median(steps))]
-    first_reach = HELD_READINGS.first_reach
-    period, reach = float(np.mean(usual)), first_reach
-    grows = math.ceil((len(at) / first_reach) ** (1.0 / (HELD_READINGS.rounds - 2)))
-    for _ in range(HELD_READINGS.rounds):
-        near = at[: min(reach, len(at))]
-        numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(near) / period), 1.0))])
-        if reach > first_reach:
-            numbers = np.round((near - near[0]) / period)
-        period = float(np.polyfit(numbers, near, 1)[0])
+    reach = int(np.searchsorted(at, HELD_READINGS.first_rows))
+    while True:
+        near = at[:reach]
+        numbers = _numbers(near, period)
+        if numbers[-1] > numbers[0]:
+            period = float(np.polyfit(numbers, near, 1)[0])
         if reach >= len(at):
             break
-        reach = min(reach * max(HELD_READINGS.least_growth, grows), len(at))
-    numbers = np.round((at - at[0]) / period)
-    left = at - numbers * period
-    return period, float(np.min(left[left > np.median(left) - 1.0]))
+        reach = HELD_READINGS.growth * reach
+    left = at - _numbers(at, period) * period
+    return _Clock(period, float(np.min(left[left > np.median(left) - 1.0])))
+
+
+def _numbers(at: Array, period: float) -> Array:
+    """Of ticks about which the rows `at`, shape (m,), lie: wherever the first of them does."""
+    turns = at / period
+    middle = np.angle(np.mean(np.exp(2j * np.pi * turns))) / (2.0 * np.pi)
+    return np.asarray(np.round(turns - middle))
 
 
 def _counts(y: Array) -> bool:

@@ -248,14 +248,16 @@ class HeldReadings:
     Chosen."""
     same_row: float = 1e-6
     """[rows] By which a reading may seem to come too early: rounding of times. Chosen."""
-    rounds: int = 6
-    """[-] Of fitting the clock: each one settles the numbers of ticks farther on. Chosen."""
-    first_reach: int = 16
-    """[readings] To which the clock is fitted first. Chosen."""
-    least_growth: int = 4
-    """[-] Times as many readings in each further round, at least. Chosen."""
-    usual_steps: float = 1.5
-    """[-] Steps between readings over their median, below which they are one tick. Chosen."""
+    first_rows: int = 1 << 16
+    """[rows] To which the clock is fitted first, by their spectrum. Chosen."""
+    finer: int = 8
+    """[-] Lines of the spectrum to one that rows can tell. Chosen: ticks are off by a sixteenth at most."""
+    slowest: float = 0.5
+    """[-] Clock that is looked for, over one tick in the median of steps between new readings. Chosen."""
+    fastest: float = 1.5
+    """[-] Likewise: less than the clock's first overtone. Chosen."""
+    growth: int = 4
+    """[-] Times as many readings in each further fit. Chosen."""
     off_clock: float = 0.02
     """[rows] By which a reading may miss the first row after a tick. Chosen: the clock is fitted."""
     same_size: float = 1e-3
