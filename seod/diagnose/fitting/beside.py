@@ -70,17 +70,32 @@ def _held_or_running_on(cut: Cut) -> list[Cut]:
     return [cut, replace(cut, series=running)] if all(one.runs_on for one in running) else [cut]
 
 
+def promised_by_lead(fitted: Fitted, parallel: ParallelMap) -> float:
+    """What other times of commands may save of the mean log error, to first order; 0 where these are told."""
+    if not fitted.cut.untimed:
+        return 0.0
+    parts, _ = _beside_a_lead(_search(fitted, parallel), fitted)
+    rows = float(np.count_nonzero(fitted.cut.good))
+    return -math.log1p(-min(parts.promise() / rows, COMMAND_TIMING.most_promised))
+
+
 def _lead(fitted: Fitted, parallel: ParallelMap) -> float:
     """By how many deviations earlier commands were given than they are simulated; 0 where that is told."""
-    column = lead_column(fitted)
-    if column is None:
+    if not fitted.cut.untimed:
         return 0.0
     search = _search(fitted, parallel)
-    left, error = search.tried(fitted.x, fitted.start)
-    wide = math.sqrt(max(1.0, correlated_rows(fitted, left)))  # of so many rows one counts
-    parts = search.derivatives(fitted.x, fitted.start, left, error, column / wide)
+    parts, wide = _beside_a_lead(search, fitted)
     step, _ = _stepped(parts, search, fitted.x)
     return float(np.clip(step[-1] / wide, *possible(fitted.cut)))
+
+
+def _beside_a_lead(search: LeastSquares, fitted: Fitted) -> tuple[Normal, float]:
+    """Normal equations with a lead, and over what its deviation is in them: of so many rows one counts."""
+    column = lead_column(fitted)
+    left, error = search.tried(fitted.x, fitted.start)
+    wide = math.sqrt(max(1.0, correlated_rows(fitted, left)))
+    beside = None if column is None else column / wide
+    return search.derivatives(fitted.x, fitted.start, left, error, beside), wide
 
 
 def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -22,24 +22,32 @@ class Timing(NamedTuple):
 
     Attributes:
         lead: By how many rows earlier than recorded they were given.
+        holds: They hold from look to look instead.
     """
 
     lead: float
+    holds: bool = False
+
+    @classmethod
+    def told_by(cls, one: Series) -> Self:
+        """That of a recording with other commands."""
+        return (
+            cls(one.lead - COMMAND_TIMING.middle * looks(one.u)) if one.runs_on else cls(one.lead, holds=True)
+        )
 
     def of(self, one: Series) -> Series:
-        """A recording with such commands; as it is where they stay for many rows."""
-        rows = looks(one.u)
+        """A recording with such commands; as it is where they stay for many rows, and would run on."""
+        if self.holds:
+            return earlier(one, self.lead)
+        t_u, u = one.t_u, one.u
+        rows = looks(u)
         if not rows:
             return one
-        t_u, u = one.t_u, one.u
         if rows > 1:
             seen = np.arange(int(np.flatnonzero(np.diff(u))[0] + 1) % rows, len(u), rows)
             u = np.interp(t_u, t_u[seen], u[seen])
-        return replace(
-            one,
-            drive=straight_on(t_u - self.lead * one.tick, u),
-            lead=self.lead + COMMAND_TIMING.middle * rows,
-        )
+        lead = self.lead + COMMAND_TIMING.middle * rows
+        return replace(one, drive=straight_on(t_u - self.lead * one.tick, u), lead=lead)
 
 
 def earlier(one: Series, rows: float) -> Series:

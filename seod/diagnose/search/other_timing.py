@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.causes.table import answered_as
+from seod.diagnose.fitting.beside import beside_lead, promised_by_lead
+from seod.diagnose.fitting.command_lead import untimed
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.least_squares import fit
@@ -57,25 +59,42 @@ def other_timing(
         parallel: Maps a function over fits.
     """
     own, tick = Judged.of(found, held_out), found.cut.series[0].tick
-    trials = [
-        (name, one, timing)
-        for name, one in without.items()
-        if EFFECTS[name].cause
-        for timing in timings(found.cut.series)
-    ]
-    told = list(parallel(lambda each: _timed(each[1], held_out, each[2]), trials))
-    better = [
-        (one.held.log_error + one.found.cost, OtherTiming(timing, answered_as(name), timing.lead * tick))
-        for (name, _, timing), one in zip(trials, told, strict=True)
-        if one.held.log_error <= own.held.log_error and one.found.cost <= own.found.cost
-    ]
+    every = timings(found.cut.series)
+    causes = [name for name in without if every and EFFECTS[name].cause]
+    trials = [(without[name], timing) for name in causes for timing in every]
+    tried, better = list(parallel(lambda each: _timed(*each), trials)), []
+    for k, name in enumerate(causes):
+        some = without[name], *tried[k * len(every) : (k + 1) * len(every)]
+        nearest = min(some, key=lambda one: one.cost)
+        settled = _settled(nearest, found, without[name], parallel)
+        if settled is None:
+            continue
+        timing = Timing.told_by(settled.cut.series[0])
+        judged = Judged.of(settled, _given(held_out, timing))
+        if judged.held.log_error <= own.held.log_error and settled.cost <= found.cost:
+            errs = judged.held.log_error + settled.cost
+            better.append((errs, OtherTiming(timing, answered_as(name), timing.lead * tick)))
     return min(better, key=lambda one: one[0])[1] if better else None
 
 
-def _timed(found: Fitted, held_out: Cut, timing: Timing) -> Judged:
+def _timed(fitted: Fitted, timing: Timing) -> Fitted:
     """A set fitted anew to windows with other commands."""
-    cut, unseen = (
-        replace(one, series=[timing.of(each) for each in one.series]) for one in (found.cut, held_out)
-    )
-    start = begun_states(found.model, found.x, cut, found.start)
-    return Judged.of(fit(found.model, cut, found.x, start, COMMAND_TIMING.fit_steps), unseen)
+    cut = _given(fitted.cut, timing)
+    start = begun_states(fitted.model, fitted.x, cut, fitted.start)
+    return fit(fitted.model, cut, fitted.x, start, COMMAND_TIMING.fit_steps)
+
+
+def _settled(nearest: Fitted, found: Fitted, fewer: Fitted, parallel: ParallelMap) -> Fitted | None:
+    """Of a set without a cause the one with the time that fits best, near the nearest that was tried.
+
+    None where that is not promised to come halfway from the set without the cause to that with it.
+    """
+    nearest = replace(nearest, cut=untimed(nearest.cut, nearest.model))
+    halfway = found.cost + COMMAND_TIMING.halfway * (fewer.cost - found.cost)
+    if nearest.cost > halfway and nearest.cost - promised_by_lead(nearest, parallel) > halfway:
+        return None
+    return beside_lead(nearest, parallel, lambda: False)
+
+
+def _given(cut: Cut, timing: Timing) -> Cut:
+    return replace(cut, series=[timing.of(each) for each in cut.series])

@@ -140,7 +140,7 @@ class CommandTiming:
     """Commands that were recorded late, or seldom."""
 
     leads: int = 3
-    """[-] Times that are tried, up to a row earlier. Chosen: a quarter of a row is left at most."""
+    """[-] Times that are tried first, up to a row earlier. Chosen: a quarter of a row is left at most."""
     fewest: int = 50
     """[changes] Of the command, without which nothing is asked. Chosen."""
     mostly: float = 0.5
@@ -149,6 +149,11 @@ class CommandTiming:
     """[rows] From one look to the next, at most. Chosen."""
     fit_steps: int = 20
     """[steps] Of a fit with other commands. Chosen."""
+    halfway: float = 0.5
+    """[-] Of what a cause saves of the mean log error, up to which other times have to save as much for
+    it to be asked whether they save all of it. Chosen: a quarter of a row loses a part of it."""
+    most_promised: float = 0.9
+    """[-] Of the squared error that other times may save to first order, at most. Chosen."""
     middle: float = 0.5
     """[looks] By which what runs straight on to the next look is earlier, on average, than what holds.
     Chosen: by what it is."""
