@@ -7,6 +7,7 @@ import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 from scipy.signal import lfilter
 
+from seod.diagnose.account import halves
 from seod.diagnose.account.halves import noise_is_larger
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.judged import Judged
@@ -97,8 +98,11 @@ def test_windows_held_out_that_alone_show_more_are_told(off, shaken, said):
     assert told == (said or ())
 
 
-def errs_more(memory, seed, larger=1.0):
-    """Whether one window held out, whose noise is so much larger, is taken for more than noise."""
+def errs_more(memory, seed, larger=1.0, slow=0.0):
+    """Whether one window held out, whose noise is so much larger, is taken for more than noise.
+
+    Beside an offset that falls by so many times the noise while the second window is read.
+    """
     u = multisine(12000)
     y = linear(u)
     noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(0.0, 1.0, len(y)))
@@ -106,6 +110,8 @@ def errs_more(memory, seed, larger=1.0):
     _, first, last = aside.windows[-1]
     moved, read = linear(u)[first:last], aside.series[0].y[first:last]
     read += (larger - 1.0) * (read - moved)
+    _, first, last = aside.windows[0]
+    aside.series[0].y[first:last] += slow * 0.03 * np.std(y) * np.cos(np.linspace(0.0, np.pi, last - first))
     (found,) = detuned(to_fit, 1.0)
     return noise_is_larger(Judged.of(found, to_fit).held, Judged.of(found, aside).held)
 
@@ -118,3 +124,9 @@ def test_noise_of_one_size_is_hardly_ever_taken_for_more():
 @pytest.mark.parametrize("memory", [0.5, 0.95, 0.99])
 def test_what_acts_in_windows_held_out_alone_is_no_noise(memory):
     assert errs_more(memory, 0, larger=6.0)
+
+
+def test_an_offset_that_moves_slowly_in_one_of_them_is_of_such_noise(monkeypatch):
+    assert not errs_more(0.9, 1, slow=3.0)
+    monkeypatch.setattr(halves, "HALVES", replace(halves.HALVES, slow_bends=0))
+    assert errs_more(0.9, 1, slow=3.0)

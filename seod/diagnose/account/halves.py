@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.fitting.held_out import HeldOut
+    from seod.diagnose.result import Array
 
 
 def one_sided(seen: HeldOut, held: HeldOut) -> bool:
@@ -29,21 +30,36 @@ def noise_is_larger(seen: HeldOut, held: HeldOut) -> bool:
     """Whether windows held out err by more than noise like that of those fitted would.
 
     Both are simulated alike, from the states of their first fifth. An F test of squared errors, in so many
-    samples as count of noise that remembers; where the load moves faster, noise may be larger, too. Of the
-    recordings that were fitted alone: in others the noise may be another.
+    samples as count of noise that remembers, beside an offset that moves slowly, which such noise may have;
+    where the load moves faster, noise may be larger, too. Of the recordings that were fitted alone: in others
+    the noise may be another.
     """
     own, known = window_residuals(seen, held_out=False), len(seen.cut.series)
     others = [one for one in window_residuals(held, held_out=True) if one.file < known]
     if not own or not others:
         return False
-    ratio = _mean(others, "error") / max(_mean(own, "error"), 1e-300)
-    moved = _mean(others, "velocity") / max(_mean(own, "velocity"), 1e-300)
+    noise = colour(own)
+    bends = HALVES.slow_bends if noise.memory else 0
+    ratio = _mean_square(others, bends) / max(_mean_square(own, bends), 1e-300)
+    moved = _speed(others) / max(_speed(own), 1e-300)
     larger = ratio / max(1.0, moved)
-    correlation = colour(own).correlation
-    counts = [sum(int(one.scored.sum()) for one in some) / correlation for some in (others, own)]
+    counts = [sum(int(one.scored.sum()) for one in some) / noise.correlation for some in (others, own)]
     return larger > HALVES.errs_more and float(fisher.sf(larger, *counts)) < HALVES.chance
 
 
-def _mean(of: Sequence[WindowResidual], name: str) -> float:
-    """Mean square of windows, each for as much."""
-    return float(np.mean([np.mean(getattr(one, name)[one.scored] ** 2) for one in of]))
+def _mean_square(of: Sequence[WindowResidual], bends: int) -> float:
+    """Of windows' errors, each for as much, less a polynomial of that degree in each where it is not 0."""
+    return float(np.mean([np.mean(_less_slow(one.error[one.scored], bends) ** 2) for one in of]))
+
+
+def _less_slow(error: Array, bends: int) -> Array:
+    """Without what moves slowly, as an offset of the sensor in noise that remembers."""
+    if not bends:
+        return error
+    at = np.linspace(-1.0, 1.0, len(error))
+    return np.asarray(error - np.polynomial.Polynomial.fit(at, error, bends)(at))
+
+
+def _speed(of: Sequence[WindowResidual]) -> float:
+    """Mean square of the load's speed, each window for as much."""
+    return float(np.mean([np.mean(one.velocity[one.scored] ** 2) for one in of]))

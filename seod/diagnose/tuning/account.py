@@ -30,6 +30,9 @@ class Halves:
     in servo loops in which more than noise is left 3.8 to 77."""
     chance: float = 2e-5
     """[-] Probability with which noise may pass it. Chosen; of those four at most 1e-5, of gusts 1e-4."""
+    slow_bends: int = 2
+    """[-] Degree of what an offset that moves slowly does in a window. Chosen: windows are a quarter of the
+    recording at most, which has four half-waves."""
 
 
 HALVES: Final = Halves()
