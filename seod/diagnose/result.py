@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SD_OF_95: Final = 1.96
 """Standard deviations from the middle to the ends of an interval of 95 %, of what is normal."""
+SD_OF_MEDIAN: Final = 1.4826
+"""Standard deviation over the median of the deviations' sizes, of what is normal."""
 RELEVANCE: Final = 0.02
 """Systematic rest over the movement's standard deviation that matters, if the user does not say: a hundredth
 of its range, about what gains and calibrations of sensors are off by themselves."""

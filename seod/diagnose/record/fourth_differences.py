@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.result import SD_OF_MEDIAN
 from seod.diagnose.tuning.record import FOURTH_DIFFERENCES
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Stencils:
         """Robust deviation of the samples' error."""
         if not self.usable.any():
             return 0.0
-        return 1.4826 * float(np.median(np.abs(self.difference[self.usable]))) / NORM
+        return SD_OF_MEDIAN * float(np.median(np.abs(self.difference[self.usable]))) / NORM
 
 
 def stencils(t: Array, y: Array, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Stencils:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.diagnose.result import SD_OF_MEDIAN
 from seod.diagnose.tuning.record import NOISE
 
 if TYPE_CHECKING:
@@ -45,6 +46,6 @@ def _differences(t: Array, y: Array, good: Mask, order: int) -> tuple[Array, Mas
 
 def _spread(difference: Array) -> float:
     """Root mean square without what is far off."""
-    limit = NOISE.event_beyond * 1.4826 * float(np.median(np.abs(difference)))
+    limit = NOISE.event_beyond * SD_OF_MEDIAN * float(np.median(np.abs(difference)))
     near = difference[np.abs(difference) <= limit]
     return float(np.sqrt(np.mean(near**2)))

@@ -17,7 +17,16 @@ from seod.diagnose.fitting.held_out import nrmse, wholes
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.record.sweep import sweeps
-from seod.diagnose.result import RELEVANCE, Candidate, Diagnosis, FoundEffect, Gain, Score, Unexplained
+from seod.diagnose.result import (
+    RELEVANCE,
+    SD_OF_MEDIAN,
+    Candidate,
+    Diagnosis,
+    FoundEffect,
+    Gain,
+    Score,
+    Unexplained,
+)
 from seod.diagnose.search.final_choice import above_noise
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import PRUNE
@@ -214,14 +223,17 @@ def trimmed(searched: Searched) -> Searched:
 
 
 def _without_outliers(held: HeldOut) -> Mask:
-    """Rows that count, but for those far off, if these are few."""
-    noise = np.repeat(held.cut.floor, held.cut.sizes)
-    near = held.scored & (np.abs(held.cut.y - held.simulated) <= ANSWER.outlier_beyond * noise)
-    return (
-        near
-        if np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
-        else held.scored
-    )
+    """Rows that count, but for those far off, if these are few.
+
+    Far off the noise that differences show, and what is left of most rows of the window.
+    """
+    error = np.abs(held.cut.y - held.simulated)
+    near = held.scored.copy()
+    for rows, floor in zip(held.cut.slices, held.cut.floor, strict=True):
+        usual = np.median(error[rows][near[rows]]) if near[rows].any() else 0.0
+        near[rows] &= error[rows] <= ANSWER.outlier_beyond * max(floor, SD_OF_MEDIAN * usual)
+    few = np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
+    return near if few else held.scored
 
 
 def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
