@@ -77,3 +77,15 @@ def test_a_clock_in_step_with_the_rows_reads_at_them(rows):
 )
 def test_what_repeats_for_other_reasons_has_no_clock(y):
     assert held_readings(T, y) is None
+
+
+@pytest.mark.parametrize("rest", [70000, 100])
+def test_a_load_that_is_at_rest_first_has_a_clock_where_enough_follows(rest):
+    _, y = shown(2.7 * TICK)
+    y = np.append(np.full(rest, y[0]), y)
+    assert held_readings(np.arange(len(y)) * TICK, y).time == pytest.approx(2.7 * TICK, rel=1e-4)
+
+
+def test_readings_that_hardly_ever_change_have_none():
+    y = np.repeat(np.random.default_rng(5).normal(size=50), 3000)
+    assert held_readings(np.arange(len(y)) * TICK, y) is None

@@ -51,7 +51,9 @@ def held_readings(t: Array, y: Array) -> Held | None:
     ):
         return None
     at = (t[fresh] - t[0]) / tick
-    clock = max(_clocks(at), key=lambda each: (round(_kept_to(each, at), 2), each.period))
+    clock = max(
+        _clocks(at), key=lambda each: (round(_kept_to(each, at), 2), each.period), default=_Clock(1.0, 0.0)
+    )
     if _kept_to(clock, at) < HELD_READINGS.on_clock:
         return None
     numbers, late = clock.ticks(at)
@@ -93,13 +95,15 @@ def _clocks(at: Array) -> Iterator[_Clock]:
     The rows of new readings have a line at the clock's frequency, which looks like what that is short of one
     tick in a row.
     """
-    near = np.round(at[at < HELD_READINGS.first_rows]).astype(np.int64)
-    new = np.bincount(near).astype(np.float64)
+    near = at[at - at[0] < HELD_READINGS.first_rows]
+    if len(near) < HELD_READINGS.fewest_readings or not np.median(np.diff(at)) > 0.0:
+        return
+    new = np.bincount(np.round(near - at[0]).astype(np.int64)).astype(np.float64)
     lines = HELD_READINGS.finer * len(new)
     spectrum = np.abs(np.fft.rfft(new - np.mean(new), lines))
     usual = 1.0 / float(np.median(np.diff(at)))
     slowest = min(HELD_READINGS.slowest * usual, 1.0 - 1.0 / HELD_READINGS.least_held)
-    first, last = int(slowest * lines), int(HELD_READINGS.fastest * usual * lines) + 1
+    first, last = max(1, int(slowest * lines)), int(HELD_READINGS.fastest * usual * lines) + 2
     line = (first + float(np.argmax(spectrum[first:last]))) / lines
     for per_row in (line, 1.0 - line):
         yield _fitted(at, 1.0 / per_row)
@@ -110,7 +114,7 @@ def _fitted(at: Array, period: float) -> _Clock:
 
     Readings come in the first row after a tick: of all clocks in agreement the latest.
     """
-    reach = int(np.searchsorted(at, HELD_READINGS.first_rows))
+    reach = int(np.searchsorted(at - at[0], HELD_READINGS.first_rows))
     while True:
         near = at[:reach]
         numbers = _numbers(near, period)
