@@ -50,13 +50,29 @@ def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves
     assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
 
 
+@pytest.mark.parametrize(
+    ("held", "sure", "leaves"),
+    [
+        pytest.param(1.1 * PRUNE.foretold, True, False, id="windows held out are foretold by it"),
+        pytest.param(0.9 * PRUNE.foretold, True, True, id="too little better"),
+        pytest.param(1.1 * PRUNE.foretold, False, True, id="but fitted windows do not tell its size"),
+    ],
+)
+def test_what_acts_in_windows_held_out_stays_by_what_it_foretells(monkeypatch, held, sure, leaves):
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: not sure)
+    own, rest = judged(-3.0), judged(-3.0 + 0.01, held=-3.0 + held)
+    assert (prune._gaining_too_little(own, {"valve_rate_limit": rest}, 0.02) == [rest]) is leaves
+
+
 @pytest.mark.usefixtures("no_chance")
 @pytest.mark.parametrize(
     ("with_it", "without", "leaves"),
     [
         pytest.param(0.011, 0.0112, True, id="one run gains nothing"),
         pytest.param(0.011, 0.02, False, id="one run gains as much"),
-        pytest.param(0.03, 0.0301, False, id="one run is far off for another reason"),
+        pytest.param(0.0305, 0.03, True, id="one run is far off, and without it is not"),
+        pytest.param(0.05, 0.0501, False, id="one run is far off for another reason"),
         pytest.param(math.nan, 0.02, False, id="one run does not end"),
         pytest.param(0.0, math.inf, False, id="without it one run does not end"),
     ],
