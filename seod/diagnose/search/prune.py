@@ -151,7 +151,7 @@ def _in_windows_alone(own: Judged, fewer: Judged) -> bool:
     """Whether one run of the whole recordings gains next to nothing of what windows gain by an effect.
 
     Then it is what each window begins with that makes the gain: a spring far off its centre is an offset that
-    moves slowly. A run that is far off says nothing, but for one that is not without the effect.
+    moves slowly. A run that is far off says nothing, unless it is near without the effect.
     """
     harmed = fewer.whole <= min(own.whole, PRUNE.far_off * fewer.held.nrmse)
     if not (harmed or own.whole <= PRUNE.far_off * own.held.nrmse):
