@@ -50,7 +50,7 @@ from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Searched, answered, trimmed
-from seod.diagnose.verdict.effects import Chosen, found_effects
+from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
 from seod.machine.limits import processors
 
 if TYPE_CHECKING:
@@ -373,8 +373,10 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     progress("fitting the best", 0.6)
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
-    base, chosen = _measured(choice, start, unseen, way)
-    base, chosen = _remembering(choice, base, chosen, start, unseen, way)
+    base, chosen = _told(choice, start, unseen, way)
+    while (none := without_a_size(chosen)) is not None and none in choice.without:
+        choice = choice.less(none, grown.tried, held_out, screened)
+        base, chosen = _told(choice, start, unseen, way)
     is_base = chosen.over_all is base.found
     last_base = chosen.to_all if is_base else _last(base.found, start, way, as_recorded=True)
     chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
@@ -383,8 +385,13 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
 
 
+def _told(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Judged, Chosen]:
+    """Baseline and set as they are told: where more than white noise is left, by what noise remembers."""
+    return _remembering(choice, *_measured(choice, start, unseen, way), start, unseen, way)
+
+
 def _measured(choice: Choice, start: _Start, unseen: Cut, way: _Way) -> tuple[Judged, Chosen]:
-    """Baseline and set as they are told: numbers by all rows but those held out, figures by all unseen."""
+    """Both by their simulations: numbers by all rows but those held out, figures by all unseen."""
     best = choice.best.found
     over_all = best
     if any(len(recording.blocks) > 1 for recording in start.to_fit.series):

@@ -12,9 +12,11 @@ from seod.diagnose.fitting.uncertainty import may_be_chance, p_value
 from seod.diagnose.search import prune
 from seod.diagnose.tuning.search import PRUNE
 
+SCREEN = SimpleNamespace(parallel=map)
 
-def judged(cost, nrmse=0.5, held=None, whole=None):
-    held = SimpleNamespace(nrmse=nrmse, log_error=cost if held is None else held)
+
+def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0):
+    held = SimpleNamespace(nrmse=nrmse, log_error=cost if held is None else held, adequacy=adequacy)
     whole = nrmse if whole is None else whole
     return SimpleNamespace(found=SimpleNamespace(cost=cost), held=held, whole=whole)
 
@@ -36,7 +38,7 @@ def test_a_linear_interval_does_not_outweigh_what_an_effect_saves(monkeypatch, s
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: True)
     own, rest = judged(-3.0, 0.1), judged(-3.0 + saves)
-    assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
+    assert (prune._unidentified(own, {"a": rest}, 1.0, SCREEN) == [rest]) is leaves
 
 
 @pytest.mark.usefixtures("no_chance")
@@ -47,7 +49,7 @@ def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: True)
     own = judged(-3.0, 0.1)
     rest = judged(-3.0 + 0.8 * PRUNE.surely, held=-3.0 + held * PRUNE.surely)
-    assert (prune._unidentified(own, {"a": rest}, 1.0) == [rest]) is leaves
+    assert (prune._unidentified(own, {"a": rest}, 1.0, SCREEN) == [rest]) is leaves
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,24 @@ def test_what_windows_alone_gain_is_of_their_initial_states(monkeypatch, with_it
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
     own, rest = judged(-3.0, 0.01, whole=with_it), judged(-2.0, 0.02, whole=without)
-    assert (prune._unidentified(own, {"a": rest}, 0.01) == [rest]) is leaves
+    assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
+
+
+@pytest.mark.usefixtures("no_chance")
+@pytest.mark.parametrize(
+    ("part", "adequacy", "leaves"),
+    [
+        pytest.param(1.05, 50.0, True, id="a slow offset saves as much"),
+        pytest.param(0.95, 50.0, False, id="it saves less"),
+        pytest.param(1.05, 1.0, False, id="the sensor's noise is white"),
+    ],
+)
+def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part, adequacy, leaves):
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
+    own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, 0.02)
+    monkeypatch.setattr(prune, "saved_by_slow_offset", lambda *_: 2.0 * part * PRUNE.by_slow_offset)
+    assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
 
 
 class WindowsHeldOut:

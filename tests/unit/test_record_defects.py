@@ -84,6 +84,35 @@ def test_the_sharp_corners_of_a_speed_that_friction_turns_are_no_outliers():
     assert found.found == ()
 
 
+def test_a_curved_speed_that_friction_turns_has_no_outliers():
+    """At each corner the curve before it or behind it makes the corner look less of one."""
+    speed = movement(6.0 * T)
+    noise = np.random.default_rng(1).normal(0.0, 0.1 * NOISE, len(T))
+    found = examine(recording(speed + 0.4 * np.abs(speed) + noise))
+    assert not found.bad.any()
+    assert found.found == ()
+
+
+@pytest.mark.parametrize("gap", [1, 2, 3, 4])
+def test_two_outliers_near_each_other_are_both_left_out(gap):
+    """Neither leaves the pattern of one."""
+    off = outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
+    off[[1000, 1000 + gap, 5000, 5000 + gap]] = 0.5, -0.4, 0.3, 0.35
+    off[[k + j for k in (1000, 5000) for j in range(-9, 10) if j not in (0, gap)]] = 0.0
+    found = examine(recording(noisy() + off))
+    defect = only(found)
+    assert found.bad[[1000, 1000 + gap, 5000, 5000 + gap]].all()
+    assert not found.bad[off == 0.0].any()
+    assert inside(defect.parameters["rate"], 0.01)
+    assert inside(defect.parameters["size"], 0.3)
+
+
+def test_few_readings_have_no_neighbours_that_tell_an_outlier_from_a_bend():
+    y = noisy()[:18]
+    y[[5, 11, 14]] += 1.0, -1.2, 1.1
+    assert not examine(recording(y, T[:18])).bad[[0, 1, 8, 17]].any()
+
+
 @pytest.mark.parametrize("rows_are_there", [True, False], ids=["empty readings", "no rows"])
 def test_missing_samples_are_counted(rows_are_there):
     gone = missing_samples(len(T), 0.03, 4.0, np.random.default_rng(2))

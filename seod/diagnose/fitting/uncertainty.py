@@ -135,7 +135,7 @@ def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Par
     return out
 
 
-def reaches_null(fitted: Fitted, name: str, spread: Array, tried: int) -> bool:
+def reaches_null(fitted: Fitted, name: str, spread: Array, tried: int = 1) -> bool:
     """Whether the interval of an effect's size reaches the value at which it does nothing.
 
     An effect's first parameter is its size, but of one that has several sizes. Wide enough that of `tried`
@@ -154,7 +154,19 @@ def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Ar
     reach = sds * math.sqrt(max(float(slope @ spread @ slope), 0.0))
     off = abs(value) if math.isinf(parameter.null) else abs(value - parameter.null)
     place = f"{name}.{parameter.name}"
-    return off <= reach or any(at == place and end == parameter.null for at, end in _limits(fitted))
+    if any(at == place and end == parameter.null for at, end in _limits(fitted)):
+        return True
+    return off <= reach or (parameter.null == 0.0 and _near_least(fitted, place, spread, sds))
+
+
+def _near_least(fitted: Fitted, place: str, spread: Array, sds: float) -> bool:
+    """Whether the interval of a size whose logarithm is searched reaches the least, as good as none."""
+    return any(
+        each.place == place
+        and each.logarithm
+        and fitted.x[k] - sds * math.sqrt(max(spread[k, k], 0.0)) <= each.bounds[0]
+        for k, each in enumerate(fitted.model.coordinates)
+    )
 
 
 def at_limits(fitted: Fitted) -> list[str]:

@@ -1,4 +1,8 @@
-"""Single samples that are far off, by the pattern that each leaves in fourth differences."""
+"""Single samples that are far off, by the pattern that each leaves in fourth differences.
+
+A corner or a jump of the signal leaves nearly the same pattern, and of two errors near each other neither
+leaves its own. Neighbours tell: beside a cubic through them an error saves most, or two, or a bend does.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +14,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import log_ndtr, ndtr
 
+from seod.diagnose.record.cubic_neighbours import Neighbours
 from seod.diagnose.record.fourth_differences import NORM, PATTERN
 from seod.diagnose.result import SD_OF_95
 from seod.diagnose.tuning.record import OUTLIERS
 
 if TYPE_CHECKING:
     from seod.diagnose.record.fourth_differences import Stencils
-    from seod.diagnose.result import Array, Mask
+    from seod.diagnose.result import Array, Mask, Rows
 
 _IMPOSSIBLE: Final = 1e-300
 
@@ -25,7 +30,7 @@ _IMPOSSIBLE: Final = 1e-300
 class Outliers:
     """Rows that are off, and the law behind them: a part `rate` with normal errors of deviation `size`."""
 
-    rows: np.ndarray[tuple[int], np.dtype[np.int64]]
+    rows: Rows
     values: dict[str, float] = field(default_factory=dict)
     ci95: dict[str, tuple[float, float]] = field(default_factory=dict)
     p_value: float = 1.0
@@ -34,19 +39,21 @@ class Outliers:
 def outliers(stencils: Stencils, noise: Array) -> Outliers:
     """Of a recording's stencils; `noise` is the deviation of the sample in the middle of each, shape (m,)."""
     error = stencils.difference / PATTERN[2]
-    far = stencils.usable & (np.abs(error) > OUTLIERS.beyond * noise) & _alone(stencils, noise)
-    far &= ~(_jumps(stencils, error, noise) | _corners(stencils, error))
+    beyond = stencils.usable & (np.abs(error) > OUTLIERS.beyond * noise)
+    far = _unbent(stencils, np.flatnonzero(beyond & _alone(stencils, noise)))
     rows, sizes = stencils.middle[far], np.abs(error[far])
     if not OUTLIERS.fewest <= len(rows) <= OUTLIERS.most * len(error):
         return Outliers(rows if len(rows) < OUTLIERS.fewest else rows[:0])
+    every = dict(zip(far.tolist(), sizes.tolist(), strict=True)) | _pairs(stencils, beyond, noise)
+    rows, sizes = stencils.middle[sorted(every)], np.array([every[k] for k in sorted(every)])
     count = len(stencils.usable)
     threshold = min(OUTLIERS.beyond * float(np.median(noise)), float(np.min(sizes)))
     size, sd = _size(sizes, threshold)
     seen = 2.0 * float(ndtr(-threshold / size))
-    rate = len(rows) / count / seen
+    rate = len(sizes) / count / seen
     if rate > OUTLIERS.most:
         return Outliers(rows[:0])
-    width = SD_OF_95 * rate * math.sqrt(1.0 / len(rows) + (sd / size) ** 2)
+    width = SD_OF_95 * rate * math.sqrt(1.0 / len(sizes) + (sd / size) ** 2)
     ends = {
         "rate": (max(0.0, rate - width), min(1.0, rate + width)),
         "size": (max(0.0, size - SD_OF_95 * sd), size + SD_OF_95 * sd),
@@ -54,25 +61,36 @@ def outliers(stencils: Stencils, noise: Array) -> Outliers:
     return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
 
-def _jumps(stencils: Stencils, error: Array, noise: Array) -> Mask:
-    """Whether the signal goes on from another level behind the sample than before it."""
-    before, behind = (
-        stencils.samples[:, 1] - stencils.samples[:, 0],
-        stencils.samples[:, 4] - stencils.samples[:, 3],
-    )
-    across = stencils.samples[:, 3] - stencils.samples[:, 1] - before - behind
-    least = np.maximum(OUTLIERS.jump_part * np.abs(error), OUTLIERS.jump_beyond * noise)
-    return np.asarray(np.abs(across) > least)
+def _unbent(stencils: Stencils, far: Rows) -> Rows:
+    """Of samples far off those that an error of their own explains better than a corner or a jump."""
+    near = Neighbours.of(stencils, far)
+    return far if near is None else far[near.beside_errors()[0] < near.beside_a_bend()]
 
 
-def _corners(stencils: Stencils, error: Array) -> Mask:
-    """Whether the signal goes on at another slope: a corner in the middle is seen as a third of its turn."""
-    before, behind = (
-        (stencils.samples[:, k + 1] - stencils.samples[:, k])
-        / (stencils.ticks[:, k + 1] - stencils.ticks[:, k])
-        for k in (0, 3)
-    )
-    return np.asarray((behind - before) * np.sign(-error) > OUTLIERS.corner * np.abs(error))
+def _pairs(stencils: Stencils, beyond: Mask, noise: Array) -> dict[int, float]:
+    """Of samples beyond noise, those that with another one near leave noise but for both errors, by number.
+
+    Each hides the other's pattern.
+    """
+    found: list[tuple[float, list[int], Array]] = []
+    some = np.flatnonzero(beyond)
+    for gap in range(1, len(PATTERN)):
+        first = np.unique(np.concatenate([some, some - gap]))
+        first = first[(first >= 0) & (first + gap < len(beyond))]
+        near = Neighbours.of(stencils, first, gap)
+        if near is None:
+            break
+        left, errors = near.beside_errors()
+        most = OUTLIERS.rest_by_noise * noise[first] ** 2 * near.ticks.shape[1]
+        good = left < np.minimum(most, (1.0 - OUTLIERS.likeness) * near.beside_a_bend())
+        good &= np.min(np.abs(errors), axis=1) > OUTLIERS.beyond * noise[first]
+        both = np.stack([first, first + gap], axis=1)
+        found += [(left[k], both[k].tolist(), np.abs(errors[k])) for k in np.flatnonzero(good)]
+    taken: dict[int, float] = {}
+    for _, pair, sizes in sorted(found, key=lambda one: one[:2]):
+        if taken.keys().isdisjoint(pair):
+            taken |= dict(zip(pair, sizes.tolist(), strict=True))
+    return taken
 
 
 def _alone(stencils: Stencils, noise: Array) -> Mask:

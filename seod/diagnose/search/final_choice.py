@@ -31,11 +31,24 @@ if TYPE_CHECKING:
 
 
 class Choice(NamedTuple):
-    """The best set, the baseline it is compared with, and of the set's effects the set without each."""
+    """The best set, the baseline it is compared with, and of the set's effects the set without each.
+
+    `enough` is what an effect had to save.
+    """
 
     base: Judged
     best: Judged
     without: dict[str, Judged]
+    enough: float
+
+    def less(self, name: str, tried: Tried, held_out: Cut, screen: Screen) -> Choice:
+        """The same without one of the effects, and without those that gain too little then."""
+        own, rest = _simplest(self.without[name], self.base, tried, held_out, screen, self.enough)
+        return self._replace(best=own, without=rest).no_worse()
+
+    def no_worse(self) -> Choice:
+        """The baseline where the set simulates worse."""
+        return self._replace(best=self.base, without={}) if worse(self.best, self.base) else self
 
 
 def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) -> Choice:
@@ -65,7 +78,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     own, rest = _simplest(best, base, tried, held_out, screen, least)
     if own.found.model.names and own.held.adequacy <= HELD_OUT.adequate:
         own = Judged.of(settled(own.found, own.found.cut, screen), held_out)
-    return Choice(base, base, {}) if worse(own, base) else Choice(base, own, rest)
+    return Choice(base, own, rest, least).no_worse()
 
 
 def _simplest(

@@ -6,11 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, further_causes
+from seod.diagnose.fitting.beside import saved_by_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, may_be_chance, reaches_null
 from seod.diagnose.search.refine import refined
+from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import PRUNE
 from sim.effects import EFFECTS
 
@@ -103,7 +105,7 @@ def thinned(
         rest = _rest(own.found, tried, held_out, screen)
         if not rest:
             return own, {}
-        idle = _gaining_too_little(own, rest, enough) or _unidentified(own, rest, above)
+        idle = _gaining_too_little(own, rest, enough) or _unidentified(own, rest, above, screen)
         if not idle:
             return own, rest
         own = min(idle, key=lambda one: gain(one, own))
@@ -128,8 +130,11 @@ def _foretells(own: Judged, name: str, fewer: Judged, spread: Array) -> bool:
     return EFFECTS[name].cause and saved >= PRUNE.foretold and not _may_be_none(own, name, spread)
 
 
-def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list[Judged]:
-    """Of effects without a share, or whose size or gain may be none, or a window's, the set without each."""
+def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen: Screen) -> list[Judged]:
+    """Of effects without a share, or whose size or gain may be none, or another's, the set without each.
+
+    That of a window's beginning, or of an offset that moves slowly.
+    """
     spread = covariance(own.found)
     return [
         one
@@ -138,6 +143,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float) -> list
         or (_may_be_none(own, name, spread) and not _much(one, own))
         or _gains_by_chance(own, name, one)
         or _in_windows_alone(own, one)
+        or _moves_as_slowly_as_an_offset(own, one, screen)
     ]
 
 
@@ -158,6 +164,17 @@ def _in_windows_alone(own: Judged, fewer: Judged) -> bool:
         return False
     in_windows, in_one_run = _saved(fewer.held.nrmse, own.held.nrmse), _saved(fewer.whole, own.whole)
     return in_one_run < PRUNE.part_in_one_run * in_windows
+
+
+def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) -> bool:
+    """Whether a sensor whose zero moves slowly explains as well what an effect does.
+
+    Where the set leaves white noise the sensor has no such offset.
+    """
+    if own.held.adequacy <= HELD_OUT.adequate:
+        return False
+    saved = saved_by_slow_offset(fewer.found, screen.parallel)
+    return saved > PRUNE.by_slow_offset * (fewer.found.cost - own.found.cost)
 
 
 def _saved(without: float, with_it: float) -> float:

@@ -244,6 +244,9 @@ class SlowOffset:
     """[half-waves] Of it over a recording. Chosen: two periods; what is quicker, windows show."""
     part: float = 1.0
     """[-] Of the noise's deviation that each half-wave may have. Chosen."""
+    largest: float = 2.0
+    """[sd] Of what is left, at most, of each half-wave that stands for a cause. Chosen: where a constant load
+    moved an integrating plant they save a third of what it does, at most, and of an offset all."""
     astray: float = 0.1
     """[-] Squared change of a simulation that is not in proportion to a step, over what is left, beyond which
     the step is not taken. Chosen."""

@@ -302,16 +302,10 @@ class Outliers:
     signal has less. Chosen."""
     most: float = 0.1
     """[-] Part of the samples; where more seem to be, it is the signal. Chosen."""
-    corner: float = 1.5
-    """[-] Turn of the signal's slope across a sample, over its error: one that is off makes none, a
-    corner three. Chosen."""
+    reach: int = 4
+    """[rows] On either side of a sample, where the signal is a cubic. Chosen: five more than its numbers."""
     fewest: int = 3
     """[rows] That are called outliers: fewer are chance. Chosen."""
-    jump_part: float = 0.6
-    """[-] Change of the signal's level across a sample, over its error, above which the signal jumps.
-    Chosen."""
-    jump_beyond: float = 10.0
-    """[sd] Of the noise, the same at least. Chosen."""
     rest_by_noise: float = 15.0
     """[-] Squares of five neighbouring differences that noise may leave beside the pattern, over the mean of
     one by noise. Chosen: three for each."""

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, further_causes
 from seod.diagnose.fitting.judged import Judged
-from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value
+from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value, reaches_null
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import FoundEffect, Gain, Parameter
 from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.prune import alike
 from seod.diagnose.search.race import extended
 from seod.diagnose.search.refine import refined
+from seod.diagnose.tuning.search import PRUNE
 from seod.diagnose.tuning.verdict import FOUND_EFFECTS
 from sim.effects import EFFECTS, parameter
 
@@ -87,6 +88,23 @@ def found_effects(
         again = _in_other_recordings(chosen, OFFSET)
         out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value, holdout=again))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
+
+
+def without_a_size(chosen: Chosen) -> str | None:
+    """An effect whose interval, as told, reaches the value at which it does nothing; None where none does.
+
+    Of several the one that saves least of windows held out; none that saves much, as when sets are thinned.
+    """
+    spread = covariance(chosen.last)
+    none = [
+        (rest.held.log_error, name)
+        for name, rest in chosen.without.items()
+        if EFFECTS[name].cause
+        and name in chosen.last.model.names
+        and rest.held.log_error - chosen.held.log_error < PRUNE.surely
+        and reaches_null(chosen.last, name, spread)
+    ]
+    return min(none)[1] if none else None
 
 
 def _indistinguishable(name: str, others: Sequence[str]) -> tuple[str, ...]:
