@@ -33,7 +33,15 @@ from seod.diagnose.record.closed_form import (
 from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut, all_but, can_be_scored, cut, fitted_windows, whole_windows
+from seod.diagnose.record.windows import (
+    Cut,
+    all_but,
+    can_be_scored,
+    cut,
+    exchanged,
+    fitted_windows,
+    whole_windows,
+)
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.beam import grow
 from seod.diagnose.search.budget import Budget
@@ -49,7 +57,7 @@ from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM
 from seod.diagnose.tuning.verdict import PIPELINE
-from seod.diagnose.verdict.answer import Searched, answered, trimmed
+from seod.diagnose.verdict.answer import EXCHANGED, Searched, answered, most_left, trimmed, unseen_by_fits
 from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
 from seod.machine.limits import processors
 
@@ -135,14 +143,14 @@ def _diagnose(
             every = rows.series(sees_speed=output == "velocity")
             samples = sum(last - first for one in every[0] for first, last in one.blocks)
             way = _Way(output == "velocity", fixed, parallel, Budget.of(samples, asked.effort), show)
-            told = _searched(every, way, types.closed[output])
+            told, way = _in_either_half(every, way, types.closed[output])
             if asked.hold is not None:
                 return told
             return _timed_otherwise(told, every, way, types.closed[output])
 
         progress("fitting Eq. 1", 0.0)
         told, output, typed = _as_either(types, searched_as, progress)
-        start, unseen, found, budget, timed = told
+        start, unseen, found, budget, timed, in_others = told
         if any(defects.has_outliers for defects in checked):
             found = trimmed(found)
         common = common_baseline(
@@ -154,6 +162,7 @@ def _diagnose(
     remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
     remarks += lead_remarks(found.chosen.last) if timed is None else [timed.sentence]
     searched = start.to_fit.series
+    remarks += [EXCHANGED] if in_others else []
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
     answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
     progress("done", 1.0)
@@ -193,7 +202,7 @@ class _Rows(NamedTuple):
 class _Told(NamedTuple):
     """Where causes are searched, all windows that no fit sees, what was found, and what that used.
 
-    `timed` is when commands were given, where that was found.
+    `timed` is when commands were given, where that was found; `exchanged`: the halves of the windows were.
     """
 
     start: _Start
@@ -201,14 +210,40 @@ class _Told(NamedTuple):
     found: Searched
     budget: Budget
     timed: OtherTiming | None = None
+    exchanged: bool = False
 
 
 def _searched(every: tuple[Sequence[Series], Sequence[Series]], way: _Way, closed: ClosedForm) -> _Told:
     """What is found in the first recordings; no choice sees the others."""
     searched, others = every
-    start = _start(*cut(searched), way)
+    halves = cut(searched)
+    if way.exchanged:
+        halves = exchanged(*halves)
+    start = _start(*halves, way)
     unseen = _with(start.held_out, others)
-    return _Told(start, unseen, _search(start, unseen, way, closed), way.budget)
+    found = _search(start, unseen, way, closed)
+    return _Told(start, unseen, found, way.budget, exchanged=way.exchanged)
+
+
+def _in_either_half(
+    every: tuple[Sequence[Series], Sequence[Series]], way: _Way, closed: ClosedForm
+) -> tuple[_Told, _Way]:
+    """What is found, and how: with the halves exchanged, where one held out shows what no fit has seen.
+
+    A machine's operation may have one long move. If causes are named of it that leave less in either half,
+    they are told.
+    """
+    told = _searched(every, way, closed)
+    if not unseen_by_fits(told.found):
+        return told, way
+    other = way._replace(budget=way.budget.anew(), progress=_later(way.progress), exchanged=True)
+    try:
+        again = _searched(every, other, closed)
+    except DiagnoseError:  # the other half says nothing
+        return told, way
+    if again.found.effects and most_left(again.found) < most_left(told.found):
+        return again, other
+    return told, way
 
 
 def _timed_otherwise(
@@ -307,13 +342,18 @@ def _fixed(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Fixed:
 
 
 class _Way(NamedTuple):
-    """How it is searched: `fixed` are effects of the rig's model, and what the user tells."""
+    """How it is searched.
+
+    `fixed` are effects of the rig's model, and what the user tells. `exchanged`: windows are fitted that are
+    held out otherwise, and the reverse.
+    """
 
     sees_speed: bool
     fixed: Fixed
     parallel: ParallelMap
     budget: Budget
     progress: Progress
+    exchanged: bool = False
 
 
 class _Start(NamedTuple):

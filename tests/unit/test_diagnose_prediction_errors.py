@@ -13,7 +13,6 @@ import pytest
 from scipy.linalg import expm
 
 from seod.data import Recording
-from seod.diagnose.account import prediction_errors
 from seod.diagnose.account.prediction_errors import Predictions, answered
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.initial_states import simulated_states
@@ -123,26 +122,6 @@ def test_a_row_counts_where_all_before_it_do_by_which_it_is_foretold():
     counts = np.array([True, True, True, False, True, True, True])
     assert has_past(counts, 2).tolist() == [False, False, True, False, False, False, True]
     assert has_past(counts, 0).tolist() == counts.tolist()
-
-
-@pytest.mark.parametrize(
-    ("saved", "none", "leaves"),
-    [
-        pytest.param(0.01, False, True, id="next to nothing is saved"),
-        pytest.param(0.1, True, True, id="its size may be none"),
-        pytest.param(0.1, False, False, id="its size is not none"),
-        pytest.param(1.5, True, False, id="it saves too much to be none"),
-    ],
-)
-def test_what_is_told_by_prediction_errors_has_a_size_by_them(monkeypatch, saved, none, leaves):
-    monkeypatch.setattr(prediction_errors, "least_gain", lambda _: 0.02)
-    monkeypatch.setattr(prediction_errors, "covariance", lambda _: None)
-    monkeypatch.setattr(prediction_errors, "further_causes", lambda *_: ["load_bias", "drag"])
-    monkeypatch.setattr(prediction_errors, "reaches_null", lambda *_: none)
-    model = SimpleNamespace(names=("load_bias",), scales=None)
-    found = SimpleNamespace(cost=-3.0, cut=None, model=model)
-    without = SimpleNamespace(cost=-3.0 + saved)
-    assert prediction_errors._gains_too_little("load_bias", without, found) is leaves
 
 
 def test_a_set_that_leaves_something_systematic_is_not_taken_apart(monkeypatch):

@@ -15,17 +15,15 @@ import numpy as np
 
 from seod.diagnose.account.loop import answers
 from seod.diagnose.account.residual import window_residuals
-from seod.diagnose.causes.table import CAUSES, further_causes
+from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.slow_offset import slow_part
-from seod.diagnose.fitting.uncertainty import covariance, reaches_null
 from seod.diagnose.search.beam import least_gain
 from seod.diagnose.tuning.account import PREDICTION
-from seod.diagnose.tuning.search import PRUNE, REFINE
-from sim.effects import EFFECTS
+from seod.diagnose.tuning.search import REFINE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +80,7 @@ class Predictions:
         newest = self.with_own_noise(found)
         while newest.cut.memory and self.noise_alone(newest):
             rest = {name: self.without(name, newest) for name in newest.model.names}
-            idle = [name for name, one in rest.items() if _gains_too_little(name, one, newest)]
+            idle = [name for name, one in rest.items() if _saved(one, newest) < least_gain(newest.cut)]
             if not idle:
                 cut = found.cut.remembering((), newest.cut.slow)
                 return Predicted(newest, rest, self.fitted(newest.model, newest, cut))
@@ -130,14 +128,6 @@ def answered(fitted: Fitted) -> bool:
     error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
     u = cut.gathered("u")
     return answers([u[rows] for rows in cut.slices], [error[rows] for rows in cut.slices])
-
-
-def _gains_too_little(name: str, without: Fitted, found: Fitted) -> bool:
-    """Whether an effect saves next to nothing by what is not foretold, or its size may be none there."""
-    saved = _saved(without, found)
-    if saved < least_gain(found.cut) or saved >= PRUNE.surely or not EFFECTS[name].cause:
-        return saved < least_gain(found.cut)
-    return reaches_null(found, name, covariance(found), len(further_causes(found.model.scales, ())))
 
 
 def _saved(without: Fitted, found: Fitted) -> float:

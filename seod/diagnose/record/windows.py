@@ -176,6 +176,19 @@ def cut(every: Sequence[Series]) -> tuple[Cut, Cut]:
     return Cut(every, tuple(fitted)), Cut(every, tuple(held))
 
 
+def exchanged(to_fit: Cut, held_out: Cut) -> tuple[Cut, Cut]:
+    """The halves in each other's place.
+
+    Raises:
+        DiagnoseError: No window that was fitted can show an error.
+    """
+    every = to_fit.series
+    told = tuple(one for one in to_fit.windows if can_be_scored(every[one[0]], *one[1:]))
+    if not told:
+        raise DiagnoseError("the windows that are fitted are too short to be held out")
+    return held_out, Cut(every, told)
+
+
 def _windows(recording: Series) -> list[tuple[int, int]]:
     pairs = [pair for first, last in recording.blocks for pair in _within(recording, first, last)]
     enough = [(a, b) for a, b in pairs if np.count_nonzero(recording.good[a:b]) >= WINDOWS.least_samples]

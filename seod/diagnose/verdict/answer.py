@@ -61,6 +61,10 @@ LARGER: Final = (
     "windows that were held out are off by more than noise makes of those that were fitted: something acts "
     "there that no fit has seen. A longer recording, in which it happens again, tells more"
 )
+EXCHANGED: Final = (
+    "something acts in every second window and not in the others: causes were searched in those, and "
+    "errors held out are of the others"
+)
 SWEPT: Final = (
     "{name}: the command sweeps, its frequency or size goes one way with time. What depends on frequency or "
     "amplitude cannot be told from a drift then: a command that does not sweep tells"
@@ -234,6 +238,19 @@ def _without_outliers(held: HeldOut) -> Mask:
         near[rows] &= error[rows] <= ANSWER.outlier_beyond * max(floor, SD_OF_MEDIAN * usual)
     few = np.count_nonzero(near) >= (1.0 - ANSWER.most_outliers) * np.count_nonzero(held.scored)
     return near if few else held.scored
+
+
+def unseen_by_fits(searched: Searched) -> bool:
+    """Whether windows held out show something of which there is nothing in those that were fitted."""
+    halves = searched.seen, searched.chosen.held
+    if unexplained(searched.held, halves[1]).fraction == 0.0:
+        return False
+    return noise_is_larger(*halves) or (one_sided(*halves) and halves[0].adequacy < halves[1].adequacy)
+
+
+def most_left(searched: Searched) -> float:
+    """Mean squared error over the noise's of that half of the windows where it is larger."""
+    return max(searched.seen.adequacy, searched.chosen.held.adequacy)
 
 
 def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
