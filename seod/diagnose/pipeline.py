@@ -234,16 +234,26 @@ def _in_either_half(
     they are told.
     """
     told = _searched(every, way, closed)
-    if not unseen_by_fits(told.found):
+    own = _in_own_windows(told)
+    if not unseen_by_fits(own):
         return told, way
     other = way._replace(budget=way.budget.anew(), progress=_later(way.progress), exchanged=True)
     try:
         again = _searched(every, other, closed)
     except DiagnoseError:  # the other half says nothing
         return told, way
-    if again.found.effects and most_left(again.found) < most_left(told.found):
+    if again.found.effects and most_left(_in_own_windows(again)) < most_left(own):
         return again, other
     return told, way
+
+
+def _in_own_windows(told: _Told) -> Searched:
+    """What was found, with errors held out of the first recordings alone: no choice sees the others."""
+    found, held_out = told.found, told.start.held_out
+    if told.unseen.windows == held_out.windows:
+        return found
+    base, best = (Judged.of(one, held_out).held for one in (found.base, found.chosen.over_all))
+    return replace(found, held=base, chosen=replace(found.chosen, held=best))
 
 
 def _timed_otherwise(
@@ -414,7 +424,7 @@ def _search(start: _Start, unseen: Cut, way: _Way, closed: ClosedForm) -> Search
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
     base, chosen = _told(choice, start, unseen, way)
-    while (none := without_a_size(chosen)) is not None and none in choice.without:
+    while (none := without_a_size(chosen, choice)) is not None:
         choice = choice.less(none, grown.tried, held_out, screened)
         base, chosen = _told(choice, start, unseen, way)
     is_base = chosen.over_all is base.found

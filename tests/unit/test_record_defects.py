@@ -113,6 +113,15 @@ def test_few_readings_have_no_neighbours_that_tell_an_outlier_from_a_bend():
     assert not examine(recording(y, T[:18])).bad[[0, 1, 8, 17]].any()
 
 
+@pytest.mark.parametrize("hole", [0.01, 1.0, 100.0])
+def test_neighbours_behind_a_hole_of_any_length_are_no_error(hole):
+    off = outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
+    t = np.where(np.arange(len(T)) < 3000, T, T + hole)
+    off[2990:3010] = 0.0
+    off[[2997, 2999, 3001]] = 0.5, -0.4, 0.6
+    assert [each.name for each in examine(recording(noisy() + off, t)).found][-1:] == ["outliers"]
+
+
 @pytest.mark.parametrize("rows_are_there", [True, False], ids=["empty readings", "no rows"])
 def test_missing_samples_are_counted(rows_are_there):
     gone = missing_samples(len(T), 0.03, 4.0, np.random.default_rng(2))

@@ -106,6 +106,8 @@ def saved_by_slow_offset(fitted: Fitted, parallel: ParallelMap) -> float:
     search = _search(fitted, parallel)
     residual, error = search.tried(fitted.x, fitted.start)
     counted = residual[search.good]
+    if not counted.any():
+        return 0.0
     cut = replace(fitted.cut, slow=float(np.sqrt(np.mean(counted**2))))
     parts = search.derivatives(fitted.x, fitted.start, residual, error, half_waves(cut, first=1))
     left = (residual - parts.along(*_stepped(parts, search, fitted.x, SLOW_OFFSET.largest)))[search.good]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 UNKNOWNS = 4
 """Of a cubic."""
+LEAST = 1e-12
+"""Of an error's own part beyond cubics, of 1: behind a long hole cubics may take up a whole sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,8 @@ class Neighbours:
         both = [own, np.roll(own, self.gap, axis=1)] if self.gap else [own]
         columns = self._beyond(np.stack(both, axis=2).astype(np.float64))
         across = columns.swapaxes(1, 2)
-        errors = np.linalg.solve(across @ columns, across @ self.left[..., None])
+        bends = across @ columns + LEAST * np.eye(columns.shape[2])
+        errors = np.linalg.solve(bends, across @ self.left[..., None])
         left = self.left - (columns @ errors)[..., 0]
         return np.asarray(np.sum(left**2, axis=1)), np.asarray(errors[..., 0])
 

@@ -63,8 +63,16 @@ def outliers(stencils: Stencils, noise: Array) -> Outliers:
 
 def _unbent(stencils: Stencils, far: Rows) -> Rows:
     """Of samples far off those that an error of their own explains better than a corner or a jump."""
-    near = Neighbours.of(stencils, far)
-    return far if near is None else far[near.beside_errors()[0] < near.beside_a_bend()]
+    kept = [far[:0]]
+    for some in _at_once(far):
+        near = Neighbours.of(stencils, some)
+        kept.append(some if near is None else some[near.beside_errors()[0] < near.beside_a_bend()])
+    return np.concatenate(kept)
+
+
+def _at_once(rows: Rows) -> list[Rows]:
+    """Rows of which all neighbours fit into little memory."""
+    return np.array_split(rows, math.ceil(len(rows) / OUTLIERS.at_once)) if len(rows) else []
 
 
 def _pairs(stencils: Stencils, beyond: Mask, noise: Array) -> dict[int, float]:
@@ -75,22 +83,29 @@ def _pairs(stencils: Stencils, beyond: Mask, noise: Array) -> dict[int, float]:
     found: list[tuple[float, list[int], Array]] = []
     some = np.flatnonzero(beyond)
     for gap in range(1, len(PATTERN)):
-        first = np.unique(np.concatenate([some, some - gap]))
-        first = first[(first >= 0) & (first + gap < len(beyond))]
-        near = Neighbours.of(stencils, first, gap)
-        if near is None:
-            break
-        left, errors = near.beside_errors()
-        most = OUTLIERS.rest_by_noise * noise[first] ** 2 * near.ticks.shape[1]
-        good = left < np.minimum(most, (1.0 - OUTLIERS.likeness) * near.beside_a_bend())
-        good &= np.min(np.abs(errors), axis=1) > OUTLIERS.beyond * noise[first]
-        both = np.stack([first, first + gap], axis=1)
-        found += [(left[k], both[k].tolist(), np.abs(errors[k])) for k in np.flatnonzero(good)]
+        every = np.unique(np.concatenate([some, some - gap]))
+        for first in _at_once(every[(every >= 0) & (every + gap < len(beyond))]):
+            found += _pairs_apart(stencils, first, gap, noise[first])
     taken: dict[int, float] = {}
     for _, pair, sizes in sorted(found, key=lambda one: one[:2]):
         if taken.keys().isdisjoint(pair):
             taken |= dict(zip(pair, sizes.tolist(), strict=True))
     return taken
+
+
+def _pairs_apart(
+    stencils: Stencils, first: Rows, gap: int, noise: Array
+) -> list[tuple[float, list[int], Array]]:
+    """Pairs so many rows apart: what they leave, both samples, and their errors' sizes; `noise` is (k,)."""
+    near = Neighbours.of(stencils, first, gap)
+    if near is None:
+        return []
+    left, errors = near.beside_errors()
+    most = OUTLIERS.rest_by_noise * noise**2 * near.ticks.shape[1]
+    good = left < np.minimum(most, (1.0 - OUTLIERS.likeness) * near.beside_a_bend())
+    good &= np.min(np.abs(errors), axis=1) > OUTLIERS.beyond * noise
+    both = np.stack([first, first + gap], axis=1)
+    return [(left[k], both[k].tolist(), np.abs(errors[k])) for k in np.flatnonzero(good)]
 
 
 def _alone(stencils: Stencils, noise: Array) -> Mask:

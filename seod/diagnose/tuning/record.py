@@ -304,6 +304,8 @@ class Outliers:
     """[-] Part of the samples; where more seem to be, it is the signal. Chosen."""
     reach: int = 4
     """[rows] On either side of a sample, where the signal is a cubic. Chosen: five more than its numbers."""
+    at_once: int = 4096
+    """[rows] Whose neighbours are looked at together. Chosen: some 10 MB."""
     fewest: int = 3
     """[rows] That are called outliers: fewer are chance. Chosen."""
     rest_by_noise: float = 15.0

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.load_drift import Drift
     from seod.diagnose.result import Array
+    from seod.diagnose.search.final_choice import Choice
     from seod.diagnose.search.screen import Screen
 
 
@@ -90,18 +91,19 @@ def found_effects(
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
 
-def without_a_size(chosen: Chosen) -> str | None:
+def without_a_size(chosen: Chosen, choice: Choice) -> str | None:
     """An effect whose interval, as told, reaches the value at which it does nothing; None where none does.
 
     Of several the one that saves least of windows held out; none that saves much, as when sets are thinned.
+    Windows of recordings that only score are not asked.
     """
-    spread = covariance(chosen.last)
+    spread, own = covariance(chosen.last), choice.best.held.log_error
     none = [
         (rest.held.log_error, name)
-        for name, rest in chosen.without.items()
+        for name, rest in choice.without.items()
         if EFFECTS[name].cause
         and name in chosen.last.model.names
-        and rest.held.log_error - chosen.held.log_error < PRUNE.surely
+        and rest.held.log_error - own < PRUNE.surely
         and reaches_null(chosen.last, name, spread)
     ]
     return min(none)[1] if none else None
