@@ -36,7 +36,7 @@ def searched(monkeypatch, first, second):
             raise second
         return second if how.exchanged else first
 
-    monkeypatch.setattr(pipeline, "_searched", search)
+    monkeypatch.setattr(pipeline, "searched", search)
     monkeypatch.setattr(pipeline, "most_left", lambda found: found.most)
     monkeypatch.setattr(pipeline, "_in_own_windows", lambda told: told.found)
     answer, how = pipeline._in_either_half(None, way(), None)

@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import cont2discrete
 
 from seod.data import Recording
-from seod.diagnose.pipeline import Options, _searched, diagnose
+from seod.diagnose.one_search import searched as search_once
+from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.closed_form import ClosedForm, output_types
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.budget import EFFORTS
@@ -97,9 +98,9 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
 
     def counted(every, way, closed):
         types.append(way.sees_speed)
-        return _searched(every, way, closed)
+        return search_once(every, way, closed)
 
-    monkeypatch.setattr("seod.diagnose.pipeline._searched", counted)
+    monkeypatch.setattr("seod.diagnose.pipeline.searched", counted)
     found = diagnose([recorded(y, u - np.mean(u))], (), Options(None, effort="quick"))
     assert found.output == "position"
     assert found.extended.holdout_nrmse < 0.05
@@ -114,9 +115,9 @@ def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
     def searched(every, way, closed):
         if way.sees_speed:
             raise DiagnoseError("y is noise for the most part")
-        return _searched(every, way, closed)
+        return search_once(every, way, closed)
 
-    monkeypatch.setattr("seod.diagnose.pipeline._searched", searched)
+    monkeypatch.setattr("seod.diagnose.pipeline.searched", searched)
     u = steps()
     y = np.abs(stepped(*SPEED, u)[:, 0])
     assert diagnose([recorded(y, u)], (), Options(None, effort="quick")).output == "position"

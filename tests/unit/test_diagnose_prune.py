@@ -90,16 +90,16 @@ def test_what_windows_alone_gain_is_of_their_initial_states(monkeypatch, with_it
 @pytest.mark.parametrize(
     ("part", "adequacy", "leaves"),
     [
-        pytest.param(1.05, 50.0, True, id="a slow offset saves as much"),
-        pytest.param(0.95, 50.0, False, id="it saves less"),
-        pytest.param(1.05, 1.0, False, id="the sensor's noise is white"),
+        pytest.param(0.95, 50.0, True, id="beside a slow offset it saves little"),
+        pytest.param(1.05, 50.0, False, id="it saves more"),
+        pytest.param(0.95, 1.0, False, id="the sensor's noise is white"),
     ],
 )
 def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part, adequacy, leaves):
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
     own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, 0.02)
-    monkeypatch.setattr(prune, "saved_by_slow_offset", lambda *_: 2.0 * part * PRUNE.by_slow_offset)
+    monkeypatch.setattr(prune, "gain_beside_slow_offset", lambda *_: 2.0 * part * PRUNE.beside_slow_offset)
     assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
 
 

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting import beside
-from seod.diagnose.fitting.beside import beside_slow_offset, saved_by_slow_offset
+from seod.diagnose.fitting.beside import beside_slow_offset, gain_beside_slow_offset
 from seod.diagnose.fitting.free_run import whole_series
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -101,34 +101,35 @@ def test_a_step_that_a_simulation_does_not_follow_in_proportion_is_not_taken(mon
     assert left[1] == pytest.approx(taken[1], rel=0.1)
 
 
-def saved(y, *effects):
-    """Of the log squared error by an offset that moves slowly, beside a set of effects, in quarters."""
+def kept_beside_slow_offset(y, name, omega=1.0):
+    """Of what an effect saves of the log squared error, in quarters, the part saved beside such an offset."""
     rows = np.arange(1, N + 1)
     one = series(Recording((Path("run.csv"),), T, U, y, None, None, None, rows, {}, {}, ()))
     size = float(np.std(y))
     sizes = Scales(1.0, 100.0 * size, 1e4 * size, 0.0, size, size, 100.0, 12.0, 1.0 / RATE)
-    model = baseline_model(sizes, 1.0, False, {})
-    for name in effects:
-        model = model.with_effect(name)
     begin = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, "valve_deadband.half_width": HALF_WIDTH}
-    x = model.searched(
-        {name: begin.get(name, 0.0) for name in model.values(np.zeros(len(model.coordinates)))}
-    )
+    begin |= {"periodic_disturbance.omega": omega}
     cut = Cut([one], tuple((0, k, k + N // 4) for k in range(0, N, N // 4)))
-    return saved_by_slow_offset(fit(model, cut, x, simulated_states(model, x, cut)), map)
+    without = baseline_model(sizes, 1.0, False, {}).with_effect("valve_deadband")
+    sets = []
+    for model in (without.with_effect(name), without):
+        places = model.values(np.zeros(len(model.coordinates)))
+        x = model.searched({place: begin.get(place, 0.0) for place in places})
+        sets.append(fit(model, cut, x, simulated_states(model, x, cut)))
+    own, fewer = sets
+    return gain_beside_slow_offset(own, fewer, map) / (fewer.cost - own.cost)
 
 
-def test_an_offset_that_moves_slowly_takes_up_itself_and_no_load_that_moves_the_plant():
+def test_beside_an_offset_that_moves_slowly_a_load_counts_and_a_wave_that_stood_for_it_does_not():
     """A constant load moves an integrating plant farther than the error of a window is large."""
     random = np.random.default_rng(5)
-    noise, size = 1e-3 * np.std(Y) * random.normal(size=N), float(np.std(Y))
-    wave = 0.02 * size * np.sin(2.0 * np.pi * 1.3 * T / T[-1] + 1.0)
-    drift = 0.02 * size * T
-    of_wave, of_load = (saved(Y + noise + each, "valve_deadband") for each in (wave, drift))
-    print(of_wave, of_load)
-    assert of_wave > 3.0
-    assert of_load < 1.5
-    assert saved(Y + noise, "valve_deadband") < 0.05
+    noise, size = 5e-3 * np.std(Y) * random.normal(size=N), float(np.std(Y))
+    omega = 2.0 * np.pi * 1.3 / T[-1]
+    wave, drift = 0.02 * size * np.sin(omega * T + 1.0), 0.02 * size * T
+    of_wave = kept_beside_slow_offset(Y + noise + wave, "periodic_disturbance", omega)
+    of_load = kept_beside_slow_offset(Y + noise + drift, "load_bias")
+    assert of_wave < 0.2
+    assert of_load > 0.6
 
 
 def test_white_noise_has_no_such_part_nor_have_errors_that_rounding_hides():

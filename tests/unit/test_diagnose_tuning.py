@@ -12,7 +12,7 @@ import seod.diagnose
 
 ROOT = Path(seod.diagnose.__file__).parent
 STAGES = sorted(path.stem for path in (ROOT / "tuning").glob("[a-z]*.py"))
-SEARCHING = ("record", "fitting", "starts", "search", "verdict", "account", "pipeline.py")
+SEARCHING = ("record", "fitting", "starts", "search", "verdict", "account", "pipeline.py", "one_search.py")
 NEITHER = {
     "NORM",
     "CORRELATED",

@@ -98,20 +98,27 @@ def _beside_a_lead(search: LeastSquares, fitted: Fitted) -> tuple[Normal, float]
     return search.derivatives(fitted.x, fitted.start, left, error, beside), wide
 
 
-def saved_by_slow_offset(fitted: Fitted, parallel: ParallelMap) -> float:
-    """What an offset of the sensor that moves slowly saves of the log squared error, to first order.
+def gain_beside_slow_offset(fitted: Fitted, without: Fitted, parallel: ParallelMap) -> float:
+    """What an effect saves of the log squared error beside an offset of the sensor that moves slowly.
 
-    It is no larger than what the set leaves: so little is in noise, and a cause leaves more without it.
+    To first order. In both sets the offset is no larger than what is left without the effect: so little is in
+    noise, and a cause leaves more without it.
     """
+    search = _search(without, parallel)
+    left, _ = search.tried(without.x, without.start)
+    wide = float(np.sqrt(np.mean(left[search.good] ** 2)))
+    with_it, without_it = (_log_beside_slow_offset(one, wide, parallel) for one in (fitted, without))
+    return without_it - with_it
+
+
+def _log_beside_slow_offset(fitted: Fitted, wide: float, parallel: ParallelMap) -> float:
+    """Log squared error beside an offset that moves slowly, whose half-waves have such a deviation."""
     search = _search(fitted, parallel)
     residual, error = search.tried(fitted.x, fitted.start)
-    counted = residual[search.good]
-    if not counted.any():
-        return 0.0
-    cut = replace(fitted.cut, slow=float(np.sqrt(np.mean(counted**2))))
-    parts = search.derivatives(fitted.x, fitted.start, residual, error, half_waves(cut, first=1))
+    slowly = half_waves(replace(fitted.cut, slow=wide), first=1)
+    parts = search.derivatives(fitted.x, fitted.start, residual, error, slowly)
     left = (residual - parts.along(*_stepped(parts, search, fitted.x, SLOW_OFFSET.largest)))[search.good]
-    return math.log((float(counted @ counted) + 1e-300) / (float(left @ left) + 1e-300))
+    return math.log(float(left @ left) + 1e-300)
 
 
 def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:

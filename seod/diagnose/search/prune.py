@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, further_causes
-from seod.diagnose.fitting.beside import saved_by_slow_offset
+from seod.diagnose.fitting.beside import gain_beside_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
@@ -167,14 +167,14 @@ def _in_windows_alone(own: Judged, fewer: Judged) -> bool:
 
 
 def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) -> bool:
-    """Whether a sensor whose zero moves slowly explains as well what an effect does.
+    """Whether a sensor whose zero moves slowly explains what an effect does, so that it saves no more.
 
     Where the set leaves white noise the sensor has no such offset.
     """
     if own.held.adequacy <= HELD_OUT.adequate:
         return False
-    saved = saved_by_slow_offset(fewer.found, screen.parallel)
-    return saved > PRUNE.by_slow_offset * (fewer.found.cost - own.found.cost)
+    saved = gain_beside_slow_offset(own.found, fewer.found, screen.parallel)
+    return saved < PRUNE.beside_slow_offset * (fewer.found.cost - own.found.cost)
 
 
 def _saved(without: float, with_it: float) -> float:

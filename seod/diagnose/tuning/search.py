@@ -134,9 +134,9 @@ class Prune:
     foretold: float = 1.0
     """[-] Mean log squared error of windows held out that a cause saves, from which on it stays though fitted
     windows hardly show it: the error falls by 40 %. Chosen; 3.0 where a valve's limit acts in few windows."""
-    by_slow_offset: float = 0.75
-    """[-] Of the log squared error that an effect saves, what an offset of the sensor that moves slowly may
-    save in its place. Measured: 1.0 and 1.5 where a wave or a null stood for one, 0.31 of a constant load."""
+    beside_slow_offset: float = 0.25
+    """[-] Of the log squared error that an effect saves, the least that it saves beside an offset of the
+    sensor that moves slowly. Measured: 0.003 where a wave or a null stood for one, 0.9 of a hysteresis."""
     far_off: float = 2.0
     """[-] NRMSE of one run of the whole recordings, over that of windows, beyond which it says nothing of an
     effect. Chosen: drift of a plant that integrates, or what has no name."""

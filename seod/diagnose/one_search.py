@@ -1,0 +1,235 @@
+"""One search: causes of what a baseline leaves in windows to fit, and the numbers as they are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from seod.diagnose.account.account import accounted
+from seod.diagnose.account.prediction_errors import Predicted, Predictions
+from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
+from seod.diagnose.fitting.held_out import simulate_held_out
+from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.load_drift import drifting_load
+from seod.diagnose.record.windows import (
+    Cut,
+    all_but,
+    can_be_scored,
+    cut,
+    exchanged,
+    fitted_windows,
+    whole_windows,
+)
+from seod.diagnose.result import DiagnoseError
+from seod.diagnose.search.beam import grow
+from seod.diagnose.search.final_choice import Choice, choose
+from seod.diagnose.search.refine import fitted_over_all
+from seod.diagnose.search.screen import screen
+from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
+from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
+from seod.diagnose.starts.sizes import scales
+from seod.diagnose.tuning.account import PREDICTION
+from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.verdict import PIPELINE
+from seod.diagnose.verdict.answer import Searched
+from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.work import ParallelMap
+    from seod.diagnose.record.closed_form import ClosedForm
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.search.budget import Budget
+    from seod.diagnose.search.other_timing import OtherTiming
+    from seod.diagnose.search.screen import Screen
+
+    Progress = Callable[[str, float], None]
+
+
+class Way(NamedTuple):
+    """How it is searched.
+
+    `fixed` are effects of the rig's model, and what the user tells. `exchanged`: windows are fitted that are
+    held out otherwise, and the reverse.
+    """
+
+    sees_speed: bool
+    fixed: Fixed
+    parallel: ParallelMap
+    budget: Budget
+    progress: Progress
+    exchanged: bool = False
+
+
+class Start(NamedTuple):
+    """Where causes are searched: windows to fit, windows held out, and Eq. 1 on them."""
+
+    to_fit: Cut
+    held_out: Cut
+    screened: Screen
+    begun: BaselineFits
+    base: Judged
+
+
+class Told(NamedTuple):
+    """Where causes are searched, all windows that no fit sees, what was found, and what that used.
+
+    `timed` is when commands were given, where that was found; `exchanged`: the halves of the windows were.
+    """
+
+    start: Start
+    unseen: Cut
+    found: Searched
+    budget: Budget
+    timed: OtherTiming | None = None
+    exchanged: bool = False
+
+
+def searched(every: tuple[Sequence[Series], Sequence[Series]], way: Way, closed: ClosedForm) -> Told:
+    """What is found in the first recordings; no choice sees the others."""
+    own, others = every
+    halves = cut(own)
+    if way.exchanged:
+        halves = exchanged(*halves)
+    start = _start(*halves, way)
+    unseen = _with(start.held_out, others)
+    found = _search(start, unseen, way, closed)
+    return Told(start, unseen, found, way.budget, exchanged=way.exchanged)
+
+
+def _with(held_out: Cut, others: Sequence[Series]) -> Cut:
+    """Windows held out of the recordings, and all those of recordings that no fit sees."""
+    every = [*held_out.series, *others]
+    more = [one for one in whole_windows(every) if one[0] >= len(held_out.series)]
+    told = (one for one in more if can_be_scored(every[one[0]], *one[1:]))
+    return Cut(every, (*held_out.windows, *told))
+
+
+def _start(to_fit: Cut, held_out: Cut, way: Way) -> Start:
+    small = fitted_windows(to_fit)
+    screened = screen(small, way.parallel, way.budget)
+    begun = baseline(screened.cut, way.sees_speed, way.fixed.effects, way.parallel, way.fixed.gain)
+    first = begun.best
+    base = fit(
+        first.model, small, first.x, simulated_states(first.model, first.x, small), parallel=way.parallel
+    )
+    plain = simulate_held_out(base.model, base.x, held_out)
+    if plain.floor > PIPELINE.mostly_noise:
+        raise DiagnoseError(
+            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
+            "a diagnosis needs a movement"
+        )
+    return Start(to_fit, held_out, screened, begun, Judged(base, plain))
+
+
+def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm) -> Searched:
+    to_fit, held_out, screened, begun, base = start
+    small, progress = fitted_windows(to_fit), way.progress
+    begun = hidden_by_offset(begun, base, closed)
+    near = begun.closed or begun.near
+    sizes = replace(scales(near, near.cut), given=way.fixed.given)
+    if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
+        sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
+    starts = search_roots(base.found, begun, sizes, screened.cut)
+    progress("trying causes", 0.1)
+    grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
+    progress("fitting the best", 0.6)
+    choice = choose(base, grown, small, held_out, screened)
+    progress("measuring the gain", 0.8)
+    base, chosen = _told(choice, start, unseen, way)
+    while (none := without_a_size(chosen, choice)) is not None:
+        choice = choice.less(none, grown.tried, held_out, screened)
+        base, chosen = _told(choice, start, unseen, way)
+    is_base = chosen.over_all is base.found
+    last_base = chosen.to_all if is_base else _last(base.found, start, way, as_recorded=True)
+    chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
+    effects = found_effects(chosen, screened, grown.tried)
+    seen = Judged.of(chosen.over_all, to_fit).held
+    return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
+
+
+def _told(choice: Choice, start: Start, unseen: Cut, way: Way) -> tuple[Judged, Chosen]:
+    """Baseline and set as they are told: where more than white noise is left, by what noise remembers."""
+    return _remembering(choice, *_measured(choice, start, unseen, way), start, unseen, way)
+
+
+def _measured(choice: Choice, start: Start, unseen: Cut, way: Way) -> tuple[Judged, Chosen]:
+    """Both by their simulations: numbers by all rows but those held out, figures by all unseen."""
+    best = choice.best.found
+    over_all = best
+    if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
+        over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
+    most = choice.base.held.rms
+    over_all = fitted_in_one_run(over_all, start.held_out, most, way.parallel, way.budget.last_fit())
+    last = _last(over_all, start, way)
+    if over_all is best and unseen.windows == start.held_out.windows:
+        return choice.base, Chosen(best, best, last, choice.without, choice.best.held)
+    every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
+    base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
+    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held)
+
+
+def _remembering(
+    choice: Choice, base: Judged, chosen: Chosen, start: Start, unseen: Cut, way: Way
+) -> tuple[Judged, Chosen]:
+    """The same where more than white noise is left: by prediction errors, or beside a load that drifts."""
+    if choice.best.held.adequacy <= HELD_OUT.adequate:
+        return base, chosen
+    predicted = _by_predictions(choice, chosen.over_all, start, way)
+    if predicted is None:
+        drift = drifting_load(chosen.to_all, chosen.to_all.cut.series, way.parallel, way.budget.drift())
+        return base, replace(chosen, drift=drift)
+    own = Judged.of(predicted.told, unseen)
+    without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
+    last = _last(own.found, start, way)
+    told = Chosen(own.found, own.found, last, without, own.held, noise_alone=True)
+    return (base if own.found.model.names else own), told
+
+
+def _by_predictions(choice: Choice, found: Fitted, start: Start, way: Way) -> Predicted | None:
+    """The set fitted by prediction errors; None where these leave something systematic.
+
+    Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left. Or
+    far worse than the set that was chosen: no loop makes so much of noise. Or no better than a mean: what no
+    plant moves has a past as well, which foretells it.
+    """
+    asked = start.to_fit, start.held_out
+
+    def noise_alone(fitted: Fitted) -> bool:
+        seen, held = (simulate_held_out(fitted.model, fitted.x, cut) for cut in asked)
+        if held.nrmse > min(PREDICTION.given_up * choice.best.held.nrmse, 1.0):
+            return False
+        account, _ = accounted(fitted, seen, held, choice.base.held, predicted=True)
+        return account is not None and account.systematic == 0.0 and account.asked
+
+    how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit, noise_alone)
+    predicted = how.predicted(found)
+    if predicted is None:
+        return None
+    own, simulated = (Judged.of(one, start.held_out).held for one in (predicted.fitted, predicted.simulated))
+    return predicted if own.nrmse <= PREDICTION.as_far * simulated.nrmse else None
+
+
+def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: Way) -> tuple[Fitted | None, ...]:
+    """The set fitted to each recording after the first `seen` alone: whether sizes repeat."""
+    if not last.model.names:
+        return ()
+    every = [Cut([one], whole_windows([one])) for one in unseen.series[seen:]]
+    return tuple(
+        fitted_to_all_rows(last, one, way.parallel, way.budget.last_fit()) if one.windows else None
+        for one in every
+    )
+
+
+def _last(found: Fitted, start: Start, way: Way, *, as_recorded: bool = False) -> Fitted:
+    """Fitted to all rows of the recordings, once nothing more is asked of those that were held out."""
+    series = start.held_out.series
+    if any(len(one.blocks) > 1 for one in series):
+        every = all_but(series, Cut(series, ()))
+    else:
+        every = Cut(series, tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
+    return fitted_to_all_rows(found, every, way.parallel, way.budget.last_fit(), as_recorded)
