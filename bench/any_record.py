@@ -146,7 +146,7 @@ def times(random: Random, rows: int) -> Array:
     if random.random() < 0.2:
         t = t + random.uniform(0.0, 0.4 * tick, rows)
     if random.random() < 0.1 and rows > 10:
-        t[rows // 2 :] += tick * 10.0 ** random.uniform(0.0, 4.0)
+        t[rows // 2 :] += tick * 10.0 ** random.uniform(0.0, 12.0)
     return t + random.choice([0.0, 0.0, 1e3, 1.7e9])
 
 

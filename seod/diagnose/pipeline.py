@@ -26,6 +26,7 @@ from seod.diagnose.record.closed_form import (
 )
 from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
+from seod.diagnose.record.pauses import between_pauses
 from seod.diagnose.record.series import series
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.budget import Budget
@@ -105,6 +106,8 @@ def _diagnose(
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
     recordings, holdout, unbelieved = _believed(recordings, holdout)
+    recordings, paused = between_pauses(recordings)
+    holdout, paused_too = between_pauses(holdout)
     types = _types(recordings, asked)
     rig = rated(asked.config, asked.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]
@@ -137,7 +140,10 @@ def _diagnose(
     searched = start.to_fit.series
     remarks += [EXCHANGED] if in_others else []
     remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
-    answer = replace(answer, remarks=(*typed, *unbelieved, *answer.remarks, *remarks, *budget.remarks))
+    answer = replace(
+        answer,
+        remarks=(*typed, *unbelieved, *paused, *paused_too, *answer.remarks, *remarks, *budget.remarks),
+    )
     progress("done", 1.0)
     return answer
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.result import SD_OF_MEDIAN
-from seod.diagnose.tuning.record import FOURTH_DIFFERENCES
+from seod.diagnose.tuning.record import FOURTH_DIFFERENCES, PAUSES
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
@@ -76,10 +76,20 @@ def _weights(times: Array) -> Array:
 
 
 def slopes(t: Array, y: Array, reach: int = FOURTH_DIFFERENCES.slope_reach) -> Array:
-    """Slope of `y` at each time by a cubic through the `reach` neighbours on either side, shape (n,)."""
+    """Slope of `y` at each time by a cubic through the `reach` neighbours on either side, shape (n,).
+
+    Those beyond a pause are none; where too few are left it is the one of the smallest coefficients.
+    """
     count, tick = len(t), float(np.median(np.diff(t)))
     at = np.clip(np.arange(count), reach, count - 1 - reach)[:, None] + np.arange(-reach, reach + 1)
-    powers = ((t[at] - t[:, None]) / tick)[..., None] ** np.arange(4)
+    ticks = (t[at] - t[:, None]) / tick
+    near = np.abs(ticks) <= PAUSES.intervals
+    powers = np.where(near, ticks, 0.0)[..., None] ** np.arange(4) * near[..., None]
+    middles = np.sum(y[at] * near, axis=1) / near.sum(axis=1)
     normal = np.einsum("nki,nkj->nij", powers, powers)
-    target = np.einsum("nki,nk->ni", powers, y[at] - y[at].mean(axis=1, keepdims=True))
-    return np.asarray(np.linalg.solve(normal, target[..., None])[:, 1, 0] / tick)
+    target = np.einsum("nki,nk->ni", powers, y[at] - middles[:, None])
+    paused = ~near.all(axis=1)
+    cubics = np.empty_like(target)
+    cubics[~paused] = np.linalg.solve(normal[~paused], target[~paused][..., None])[..., 0]
+    cubics[paused] = (np.linalg.pinv(normal[paused], hermitian=True) @ target[paused][..., None])[..., 0]
+    return np.asarray(cubics[:, 1] / tick)

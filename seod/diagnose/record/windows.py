@@ -345,5 +345,7 @@ def _smooth(recording: Series, stride: int) -> bool:
     """Whether every so manieth sample tells the others, but for noise."""
     rows = np.flatnonzero(recording.good)
     kept = rows[::stride]
+    if len(kept) < WINDOWS.fewest_of_curve:
+        return False
     error = np.abs(recording.y[rows] - CubicSpline(recording.t[kept], recording.y[kept])(recording.t[rows]))
     return float(np.quantile(error, WINDOWS.mostly)) < WINDOWS.between * recording.noise + recording.slack

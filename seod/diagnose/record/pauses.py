@@ -1,0 +1,68 @@
+"""A recording that pauses, as several: what the machine did meanwhile nobody tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from seod.diagnose.tuning.record import PAUSES, SERIES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.data import Recording
+
+_COLUMNS: Final = ("t", "u", "y", "t_u", "ps", "temperature", "f", "rows")
+
+
+def between_pauses(every: Sequence[Recording]) -> tuple[list[Recording], tuple[str, ...]]:
+    """Parts of recordings between their pauses, and what is said of these.
+
+    Parts that are too short, or in which nothing changes, are left out. Where most rows are in such parts a
+    recording stays as it is: a logger that writes what changes alone does not pause.
+    """
+    out: list[Recording] = []
+    said: list[str] = []
+    for one in every:
+        parts = _parts(one)
+        usable = [part for part in parts if _tells(part)]
+        kept = sum(len(part.t) for part in usable)
+        if len(parts) == 1 or kept < PAUSES.most_rows * len(one.t):
+            out.append(one)
+            continue
+        out += usable
+        said.append(_sentence(one, parts, usable))
+    return out, tuple(said)
+
+
+def _parts(one: Recording) -> list[Recording]:
+    """Between all that is longer than a pause has to be."""
+    intervals = np.diff(one.t)
+    if not len(intervals):
+        return [one]
+    pauses = np.flatnonzero(intervals > PAUSES.intervals * np.median(intervals)) + 1
+    return [_rows(one, first, last) for first, last in pairwise([0, *pauses.tolist(), len(one.t)])]
+
+
+def _rows(one: Recording, first: int, last: int) -> Recording:
+    columns = {name: getattr(one, name) for name in _COLUMNS}
+    return replace(one, **{name: each[first:last] for name, each in columns.items() if each is not None})
+
+
+def _tells(part: Recording) -> bool:
+    """Whether it has enough samples, and a command and a signal that change."""
+    y, u = part.y[np.isfinite(part.y)], part.u[np.isfinite(part.u)]
+    return len(y) >= SERIES.least_samples and len(u) > 0 and bool(np.ptp(u) > 0.0 and np.ptp(y) > 0.0)
+
+
+def _sentence(one: Recording, parts: Sequence[Recording], usable: Sequence[Recording]) -> str:
+    longest = max(after.t[0] - before.t[-1] for before, after in pairwise(parts))
+    lost = len(one.t) - sum(len(part.t) for part in usable)
+    text = (
+        f"{one.paths[0]}: pauses {len(parts) - 1} times, {longest:.3g} s at the longest; what it has between "
+        f"is taken as {len(usable)} recording{'s' if len(usable) > 1 else ''}"
+    )
+    return text + (f", without {lost} rows in parts that are too short or do not move" if lost else "")
