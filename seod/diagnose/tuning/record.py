@@ -510,7 +510,7 @@ class Windows:
     between: float = 3.0
     """[-] Error with which they do, over the noise: both have some. Chosen."""
     fewest_of_curve: int = 4
-    """[rows] Through which a cubic goes that predicts others."""
+    """[rows] Through which a cubic goes that predicts others. Chosen: a cubic has four numbers."""
 
 
 WINDOWS: Final = Windows()
