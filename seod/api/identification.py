@@ -15,11 +15,12 @@ from seod.api.rig_file import rig_of
 from seod.config.gain_in_force import gain_of as gain_at
 from seod.config.gain_in_force import gain_range, is_identified, needs_pressure
 from seod.config.known import known_to
+from seod.data.pauses import between_pauses
 from seod.identify.answer import Result
 from seod.identify.answer import identify as fitted
 from seod.identify.live import Beforehand, answers, summary
 from seod.identify.problem import NAMES, Given
-from seod.identify.record import IdentifyError, Record, UntoldError
+from seod.identify.record import FEWEST, IdentifyError, Record, UntoldError
 from seod.identify.relay_rows import relay_rows
 from seod.identify.show import as_text
 from seod.identify.untold_output import as_speed
@@ -213,16 +214,17 @@ def identify(
     options = _Options(method, gain_of(gain), delay_of(delay), output, offset, hold, axis)
     told = teller(progress)
     told("reading", 0.0)
-    recordings = several(data, arrays(t=t, u=u, y=y, t_u=t_u, ps=ps), how)
+    recordings, paused = between_pauses(several(data, arrays(t=t, u=u, y=y, t_u=t_u, ps=ps), how), FEWEST)
     files, silent = _files(recordings, options, section)
     told("fitting", 0.1)
     result = _result(files, silent, options, section)
+    result = replace(result, cannot_tell=(*paused, *result.cannot_tell))
     told("done", 1.0)
     return Identification(
         result=result,
         recordings=tuple(file.data for file in files),
         records=tuple(file.record for file in files),
-        names=tuple(str(each.paths[0]) for each in recordings),
+        names=tuple(dict.fromkeys(str(each.paths[0]) for each in recordings)),
         configured={} if section is None else _configured(section),
         gain_unit=_gain_unit(recordings, files, section),
     )

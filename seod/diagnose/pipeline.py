@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from seod.data.pauses import between_pauses
 from seod.diagnose.causes.table import LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.command_lead import lead_remarks
@@ -26,14 +27,13 @@ from seod.diagnose.record.closed_form import (
 )
 from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
-from seod.diagnose.record.pauses import between_pauses
 from seod.diagnose.record.series import series
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.other_timing import other_timing
 from seod.diagnose.starts.baseline import Fixed
 from seod.diagnose.starts.common_baseline import common_baseline
-from seod.diagnose.tuning.record import CLOSED_FORM
+from seod.diagnose.tuning.record import CLOSED_FORM, SERIES
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import EXCHANGED, Searched, answered, most_left, trimmed, unseen_by_fits
 from seod.machine.limits import processors
@@ -106,8 +106,8 @@ def _diagnose(
     if different := different_units([*recordings, *holdout]):
         raise DiagnoseError(different)
     recordings, holdout, unbelieved = _believed(recordings, holdout)
-    recordings, paused = between_pauses(recordings)
-    holdout, paused_too = between_pauses(holdout)
+    recordings, paused = between_pauses(recordings, SERIES.least_samples)
+    holdout, paused_too = between_pauses(holdout, SERIES.least_samples)
     types = _types(recordings, asked)
     rig = rated(asked.config, asked.axis)
     checked = [examine(each) for each in (*recordings, *holdout)]

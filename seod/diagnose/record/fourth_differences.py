@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from seod.data.pauses import INTERVALS
 from seod.diagnose.result import SD_OF_MEDIAN
-from seod.diagnose.tuning.record import FOURTH_DIFFERENCES, PAUSES
+from seod.diagnose.tuning.record import FOURTH_DIFFERENCES
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Array, Mask
@@ -83,7 +84,7 @@ def slopes(t: Array, y: Array, reach: int = FOURTH_DIFFERENCES.slope_reach) -> A
     count, tick = len(t), float(np.median(np.diff(t)))
     at = np.clip(np.arange(count), reach, count - 1 - reach)[:, None] + np.arange(-reach, reach + 1)
     ticks = (t[at] - t[:, None]) / tick
-    near = np.abs(ticks) <= PAUSES.intervals
+    near = np.abs(ticks) <= INTERVALS
     powers = np.where(near, ticks, 0.0)[..., None] ** np.arange(4) * near[..., None]
     middles = np.sum(y[at] * near, axis=1) / near.sum(axis=1)
     normal = np.einsum("nki,nkj->nij", powers, powers)

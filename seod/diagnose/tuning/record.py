@@ -223,21 +223,6 @@ DEFECTS: Final = Defects()
 
 
 @dataclass(frozen=True, slots=True)
-class Pauses:
-    """Of a logger."""
-
-    intervals: float = 100.0
-    """[-] Over the usual interval, beyond which one is a pause. Chosen: lost samples come by the dozen, and
-    the command holds meanwhile."""
-    most_rows: float = 0.5
-    """[-] Of the rows, at least, in parts that tell something. Chosen: where what changes is written
-    alone, most rows are in parts that are too short."""
-
-
-PAUSES: Final = Pauses()
-
-
-@dataclass(frozen=True, slots=True)
 class FourthDifferences:
     """Differences of five samples in a row."""
 

@@ -8,18 +8,26 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.tuning.record import PAUSES, SERIES
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from seod.data import Recording
+    from seod.data.recording import Recording
 
+INTERVALS: Final = 100.0
+"""Over the usual interval, beyond which one is a pause [-]. Chosen: lost samples come by the dozen, and the
+command holds meanwhile."""
+_MOST_ROWS: Final = 0.5
+"""Of the rows, at least, in parts that tell something [-]. Chosen: where what changes is written alone, most
+rows are in parts that are too short."""
 _COLUMNS: Final = ("t", "u", "y", "t_u", "ps", "temperature", "f", "rows")
 
 
-def between_pauses(every: Sequence[Recording]) -> tuple[list[Recording], tuple[str, ...]]:
+def between_pauses(every: Sequence[Recording], fewest: int) -> tuple[list[Recording], tuple[str, ...]]:
     """Parts of recordings between their pauses, and what is said of these.
+
+    Args:
+        every: Recordings.
+        fewest: Samples of a part that tells something.
 
     Parts that are too short, or in which nothing changes, are left out. Where most rows are in such parts a
     recording stays as it is: a logger that writes what changes alone does not pause.
@@ -28,9 +36,9 @@ def between_pauses(every: Sequence[Recording]) -> tuple[list[Recording], tuple[s
     said: list[str] = []
     for one in every:
         parts = _parts(one)
-        usable = [part for part in parts if _tells(part)]
+        usable = [part for part in parts if _tells(part, fewest)]
         kept = sum(len(part.t) for part in usable)
-        if len(parts) == 1 or kept < PAUSES.most_rows * len(one.t):
+        if len(parts) == 1 or kept < _MOST_ROWS * len(one.t):
             out.append(one)
             continue
         out += usable
@@ -43,7 +51,7 @@ def _parts(one: Recording) -> list[Recording]:
     intervals = np.diff(one.t)
     if not len(intervals):
         return [one]
-    pauses = np.flatnonzero(intervals > PAUSES.intervals * np.median(intervals)) + 1
+    pauses = np.flatnonzero(intervals > INTERVALS * np.median(intervals)) + 1
     return [_rows(one, first, last) for first, last in pairwise([0, *pauses.tolist(), len(one.t)])]
 
 
@@ -52,17 +60,18 @@ def _rows(one: Recording, first: int, last: int) -> Recording:
     return replace(one, **{name: each[first:last] for name, each in columns.items() if each is not None})
 
 
-def _tells(part: Recording) -> bool:
+def _tells(part: Recording, fewest: int) -> bool:
     """Whether it has enough samples, and a command and a signal that change."""
     y, u = part.y[np.isfinite(part.y)], part.u[np.isfinite(part.u)]
-    return len(y) >= SERIES.least_samples and len(u) > 0 and bool(np.ptp(u) > 0.0 and np.ptp(y) > 0.0)
+    return len(y) >= fewest and len(u) > 0 and bool(np.ptp(u) > 0.0 and np.ptp(y) > 0.0)
 
 
 def _sentence(one: Recording, parts: Sequence[Recording], usable: Sequence[Recording]) -> str:
     longest = max(after.t[0] - before.t[-1] for before, after in pairwise(parts))
     lost = len(one.t) - sum(len(part.t) for part in usable)
+    times = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
     text = (
-        f"{one.paths[0]}: pauses {len(parts) - 1} times, {longest:.3g} s at the longest; what it has between "
+        f"{one.paths[0]}: pauses {times}, {longest:.3g} s at the longest; what it has between "
         f"is taken as {len(usable)} recording{'s' if len(usable) > 1 else ''}"
     )
     return text + (f", without {lost} rows in parts that are too short or do not move" if lost else "")

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnose_truth import linear, multisine, recording
+from diagnose_truth import OMEGA_N, linear, multisine, recording
 
+from seod.api.identification import identify
+from seod.data.pauses import between_pauses
 from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.fourth_differences import slopes
-from seod.diagnose.record.pauses import between_pauses
 
 PAUSES = (0.5, 300.0, 1e6, 1e15)
 
@@ -29,33 +30,33 @@ def moving(n=2000):
 @pytest.mark.parametrize("seconds", PAUSES[:3])
 def test_its_parts_are_recordings_with_all_their_columns(seconds):
     one = with_pauses(moving(), (900, seconds))
-    (first, second), said = between_pauses([one])
+    (first, second), said = between_pauses([one], 200)
     assert [len(first.t), len(second.t)] == [900, 1100]
     for name in ("t", "u", "y", "ps", "rows"):
         np.testing.assert_array_equal(
             np.concatenate([getattr(first, name), getattr(second, name)]), getattr(one, name)
         )
     assert (first.t_u, first.f) == (None, None)
-    assert f"pauses 1 times, {seconds:.3g} s" in said[0].replace("0.501", "0.5")
+    assert f"pauses once, {one.t[900] - one.t[899]:.3g} s" in said[0]
     assert "2 recordings" in said[0]
 
 
 def test_lost_samples_and_steady_rows_are_no_pause():
     steady, lost = moving(), with_pauses(moving(), (900, 0.09))
-    assert between_pauses([steady, lost]) == ([steady, lost], ())
+    assert between_pauses([steady, lost], 200) == ([steady, lost], ())
 
 
 def test_parts_that_tell_nothing_are_left_out_and_counted():
     one = with_pauses(moving(), (50, 3.0), (1500, 3.0))
     one.u[1500:] = 1.0
-    parts, said = between_pauses([one])
+    parts, said = between_pauses([one], 200)
     assert [len(part.t) for part in parts] == [1450]
     assert "1 recording, without 550 rows" in said[0]
 
 
 def test_a_logger_that_writes_what_changes_alone_does_not_pause():
     one = with_pauses(moving(), *((row, 1.0) for row in range(100, 2000, 100)))
-    assert between_pauses([one]) == ([one], ())
+    assert between_pauses([one], 200) == ([one], ())
 
 
 @pytest.mark.parametrize("row", [5, 900, 1996])
@@ -66,6 +67,16 @@ def test_slopes_beside_a_pause_are_of_its_own_side(row):
     found = slopes(one.t, y)
     np.testing.assert_allclose(found[: row - 1], 2.0, rtol=1e-6)
     np.testing.assert_allclose(found[row + 1 :], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("seconds", PAUSES[:3])
+def test_identified_as_without_a_pause(seconds):
+    one = with_pauses(moving(4000), (1700, seconds))
+    one.y[1700:] += 5.0 * np.std(one.y)
+    found = identify(t=one.t, u=one.u, y=one.y)
+    assert found.quality == "ok"
+    assert found.omega_n.value == pytest.approx(OMEGA_N, rel=0.01)
+    assert "pauses once" in found.summary()
 
 
 @pytest.mark.computes
