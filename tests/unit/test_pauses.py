@@ -10,6 +10,7 @@ from seod.api.identification import identify
 from seod.data.pauses import between_pauses
 from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.fourth_differences import slopes
+from seod.diagnose.result import DiagnoseError
 
 PAUSES = (0.5, 300.0, 1e6, 1e15)
 
@@ -67,6 +68,12 @@ def test_slopes_beside_a_pause_are_of_its_own_side(row):
     found = slopes(one.t, y)
     np.testing.assert_allclose(found[: row - 1], 2.0, rtol=1e-6)
     np.testing.assert_allclose(found[row + 1 :], 0.0, atol=1e-6)
+
+
+def test_a_recording_that_is_all_pauses_is_refused_with_a_sentence():
+    one = with_pauses(moving(), *((row, 1e8) for row in range(100, 2000, 100)))
+    with pytest.raises(DiagnoseError, match=r"run.csv: is 1.9e\+09 s long and has 2000 rows, 0.001 s apart"):
+        diagnose([one])
 
 
 @pytest.mark.parametrize("seconds", PAUSES[:3])

@@ -166,6 +166,7 @@ def series(
     """
     u, good = _held(recording.u), np.isfinite(recording.y)
     _check(str(recording.paths[0]), u, recording.y[good])
+    _check_pauses(str(recording.paths[0]), recording.t)
     if bad is not None:
         good &= ~bad
     t, y = recording.t, np.where(good, recording.y, 0.0)
@@ -217,6 +218,16 @@ def _check(name: str, u: Array, y: Array) -> None:
     for what, values in (("command u", u), ("signal y", y)):
         if np.ptp(values) == 0.0:
             raise DiagnoseError(f"{name}: the {what} never changes: it tells nothing of the plant")
+
+
+def _check_pauses(name: str, t: Array) -> None:
+    """A simulation goes through all pauses."""
+    usual, length = float(np.median(np.diff(t))), float(t[-1] - t[0])
+    if length > SERIES.most_paused * usual * len(t):
+        raise DiagnoseError(
+            f"{name}: is {length:.3g} s long and has {len(t)} rows, {usual:.3g} s apart but for pauses: "
+            f"nobody tells what moved. A diagnosis needs {SERIES.least_samples} rows without a pause"
+        )
 
 
 def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:

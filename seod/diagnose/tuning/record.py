@@ -394,6 +394,8 @@ class Series:
     """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
+    most_paused: float = 100.0
+    """[-] Length over that of its rows, at most. Chosen: simulated through it takes so many times as long."""
     drifting_rows: int = 30_000
     """[rows] Of a position, from which on its slow drift is not its period. Measured: in 48 s at 1 kHz one
     made windows of 12 s, and of three rigs causes were not found that 12 s name."""
