@@ -99,7 +99,7 @@ def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
     own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, 0.02)
-    monkeypatch.setattr(prune, "gain_beside_slow_offset", lambda *_: 2.0 * part * PRUNE.beside_slow_offset)
+    monkeypatch.setattr(prune, "part_beside_slow_offset", lambda *_: part * PRUNE.beside_slow_offset)
     assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
 
 

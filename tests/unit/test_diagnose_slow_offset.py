@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting import beside
-from seod.diagnose.fitting.beside import beside_slow_offset, gain_beside_slow_offset
+from seod.diagnose.fitting.beside import beside_slow_offset, part_beside_slow_offset
 from seod.diagnose.fitting.free_run import whole_series
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -117,7 +117,7 @@ def kept_beside_slow_offset(y, name, omega=1.0):
         x = model.searched({place: begin.get(place, 0.0) for place in places})
         sets.append(fit(model, cut, x, simulated_states(model, x, cut)))
     own, fewer = sets
-    return gain_beside_slow_offset(own, fewer, map) / (fewer.cost - own.cost)
+    return part_beside_slow_offset(own, fewer, map)
 
 
 def test_beside_an_offset_that_moves_slowly_a_load_counts_and_a_wave_that_stood_for_it_does_not():

@@ -98,27 +98,38 @@ def _beside_a_lead(search: LeastSquares, fitted: Fitted) -> tuple[Normal, float]
     return search.derivatives(fitted.x, fitted.start, left, error, beside), wide
 
 
-def gain_beside_slow_offset(fitted: Fitted, without: Fitted, parallel: ParallelMap) -> float:
-    """What an effect saves of the log squared error beside an offset of the sensor that moves slowly.
+def part_beside_slow_offset(fitted: Fitted, without: Fitted, parallel: ParallelMap) -> float:
+    """Of the log squared error that an effect saves, the part saved beside an offset that moves slowly.
 
-    To first order. In both sets the offset is no larger than what is left without the effect: so little is in
-    noise, and a cause leaves more without it.
+    To first order. In both sets the sensor's offset is no larger than what is left without the effect: so
+    little is in noise, and a cause leaves more without it. 1 where the effect saves nothing.
     """
-    search = _search(without, parallel)
-    left, _ = search.tried(without.x, without.start)
-    wide = float(np.sqrt(np.mean(left[search.good] ** 2)))
+    squared = [_squared(one, parallel) for one in (fitted, without)]
+    if not 0.0 < squared[0] < squared[1]:
+        return 1.0
+    wide = math.sqrt(squared[1] / np.count_nonzero(_search(without, parallel).good))
     with_it, without_it = (_log_beside_slow_offset(one, wide, parallel) for one in (fitted, without))
-    return without_it - with_it
+    return (without_it - with_it) / math.log(squared[1] / squared[0])
+
+
+def _squared(fitted: Fitted, parallel: ParallelMap) -> float:
+    search = _search(fitted, parallel)
+    left = search.tried(fitted.x, fitted.start)[0][search.good]
+    return float(left @ left)
 
 
 def _log_beside_slow_offset(fitted: Fitted, wide: float, parallel: ParallelMap) -> float:
-    """Log squared error beside an offset that moves slowly, whose half-waves have such a deviation."""
+    """Log squared error beside an offset that moves slowly, whose half-waves have such a deviation.
+
+    A step that ends at its limits may err more than none: then none is taken.
+    """
     search = _search(fitted, parallel)
     residual, error = search.tried(fitted.x, fitted.start)
     slowly = half_waves(replace(fitted.cut, slow=wide), first=1)
     parts = search.derivatives(fitted.x, fitted.start, residual, error, slowly)
     left = (residual - parts.along(*_stepped(parts, search, fitted.x, SLOW_OFFSET.largest)))[search.good]
-    return math.log(float(left @ left) + 1e-300)
+    plain = residual[search.good]
+    return math.log(min(float(left @ left), float(plain @ plain)) + 1e-300)
 
 
 def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, further_causes
-from seod.diagnose.fitting.beside import gain_beside_slow_offset
+from seod.diagnose.fitting.beside import part_beside_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
@@ -173,8 +173,7 @@ def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) ->
     """
     if own.held.adequacy <= HELD_OUT.adequate:
         return False
-    saved = gain_beside_slow_offset(own.found, fewer.found, screen.parallel)
-    return saved < PRUNE.beside_slow_offset * (fewer.found.cost - own.found.cost)
+    return part_beside_slow_offset(own.found, fewer.found, screen.parallel) < PRUNE.beside_slow_offset
 
 
 def _saved(without: float, with_it: float) -> float:
