@@ -104,32 +104,33 @@ def part_beside_slow_offset(fitted: Fitted, without: Fitted, parallel: ParallelM
     To first order. In both sets the sensor's offset is no larger than what is left without the effect: so
     little is in noise, and a cause leaves more without it. 1 where the effect saves nothing.
     """
-    squared = [_squared(one, parallel) for one in (fitted, without)]
+    both = fitted, without
+    searches = [_search(one, parallel) for one in both]
+    tried = [search.tried(one.x, one.start) for search, one in zip(searches, both, strict=True)]
+    squared = [
+        float(np.sum(left[search.good] ** 2)) for search, (left, _) in zip(searches, tried, strict=True)
+    ]
     if not 0.0 < squared[0] < squared[1]:
         return 1.0
-    wide = math.sqrt(squared[1] / np.count_nonzero(_search(without, parallel).good))
-    with_it, without_it = (_log_beside_slow_offset(one, wide, parallel) for one in (fitted, without))
-    return (without_it - with_it) / math.log(squared[1] / squared[0])
+    wide = math.sqrt(squared[1] / np.count_nonzero(searches[1].good))
+    beside = [
+        _squared_beside_slow_offset(*each, wide) for each in zip(searches, both, tried, squared, strict=True)
+    ]
+    return math.log(beside[1] / beside[0]) / math.log(squared[1] / squared[0])
 
 
-def _squared(fitted: Fitted, parallel: ParallelMap) -> float:
-    search = _search(fitted, parallel)
-    left = search.tried(fitted.x, fitted.start)[0][search.good]
-    return float(left @ left)
+def _squared_beside_slow_offset(
+    search: LeastSquares, fitted: Fitted, tried: tuple[Array, Array], squared: float, wide: float
+) -> float:
+    """Squared error beside an offset that moves slowly, whose half-waves have such a deviation.
 
-
-def _log_beside_slow_offset(fitted: Fitted, wide: float, parallel: ParallelMap) -> float:
-    """Log squared error beside an offset that moves slowly, whose half-waves have such a deviation.
-
-    A step that ends at its limits may err more than none: then none is taken.
+    A step that ends at its limits may err more than none, `squared`: then none is taken.
     """
-    search = _search(fitted, parallel)
-    residual, error = search.tried(fitted.x, fitted.start)
+    residual, error = tried
     slowly = half_waves(replace(fitted.cut, slow=wide), first=1)
     parts = search.derivatives(fitted.x, fitted.start, residual, error, slowly)
     left = (residual - parts.along(*_stepped(parts, search, fitted.x, SLOW_OFFSET.largest)))[search.good]
-    plain = residual[search.good]
-    return math.log(min(float(left @ left), float(plain @ plain)) + 1e-300)
+    return min(float(left @ left), squared) + 1e-300
 
 
 def beside_slow_offset(fitted: Fitted, parallel: ParallelMap) -> Fitted:
