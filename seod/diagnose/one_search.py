@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.switch_times import SwitchTimes
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.closed_form import ClosedForm
     from seod.diagnose.record.series import Series
@@ -85,7 +86,7 @@ class Told(NamedTuple):
     unseen: Cut
     found: Searched
     budget: Budget
-    timed: OtherTiming | None = None
+    timed: OtherTiming | SwitchTimes | None = None
     exchanged: bool = False
 
 

@@ -14,6 +14,7 @@ from seod.diagnose.causes.table import LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.command_lead import lead_remarks
 from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.switch_times import switch_times
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.one_search import Told, Way, searched
 from seod.diagnose.record.blocks import in_blocks
@@ -28,6 +29,7 @@ from seod.diagnose.record.closed_form import (
 from seod.diagnose.record.column_checks import different_units, gain_remarks, with_believed_supply
 from seod.diagnose.record.defects import examine
 from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import Cut
 from seod.diagnose.result import RELEVANCE, DiagnoseError
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.other_timing import other_timing
@@ -212,16 +214,26 @@ def _in_own_windows(told: Told) -> Searched:
 def _timed_otherwise(
     told: Told, every: tuple[Sequence[Series], Sequence[Series]], way: Way, closed: ClosedForm
 ) -> Told:
-    """What is found where commands were given other than recorded, if a cause is not needed then."""
-    chosen = told.found.chosen
+    """What is found where commands were given other than recorded.
+
+    If a cause is not needed then, or if each switch of a relay has a time of its own.
+    """
+    chosen, start = told.found.chosen, told.start
     without = {name: one.found for name, one in chosen.without.items()}
-    timed = other_timing(chosen.found, without, told.start.held_out, way.parallel)
-    if timed is None:
-        return told
-    own, others = ([timed.timing.of(one) for one in part] for part in every)
     anew = way._replace(budget=way.budget.anew(), progress=_later(way.progress))
-    again = searched((own, others), anew, closed)
-    return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
+    timed = other_timing(chosen.found, without, start.held_out, way.parallel)
+    if timed is not None:
+        own, others = ([timed.timing.of(one) for one in part] for part in every)
+        again = searched((own, others), anew, closed)
+        return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
+    windows = Cut(every[0], tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
+    sets = [start.base.found, *without.values(), chosen.found] if without else [chosen.found]
+    switches = switch_times(sets, windows, way.parallel)
+    if switches is None:
+        return told
+    again = searched((switches.of(every[0]), every[1]), anew, closed)
+    nearer = most_left(_in_own_windows(again)) < most_left(_in_own_windows(told))
+    return again._replace(timed=switches) if nearer else told
 
 
 def _as_either(

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from seod.diagnose.record.series import straight_on
-from seod.diagnose.tuning.record import COMMAND_TIMING
+from seod.diagnose.tuning.record import COMMAND_TIMING, SWITCH_TIMES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.record.series import Series
-    from seod.diagnose.result import Array
+    from seod.diagnose.result import Array, Rows
 
 
 class Timing(NamedTuple):
@@ -81,3 +81,30 @@ def looks(u: Array) -> int:
     rows = int(np.argmax(apart))
     regular = apart[rows] >= COMMAND_TIMING.mostly * (len(u) / rows)
     return rows if regular and rows <= COMMAND_TIMING.most_rows else 0
+
+
+def switches(one: Series) -> Rows:
+    """Rows that are the first with another command."""
+    return np.flatnonzero(np.diff(one.u)) + 1
+
+
+def switch_look(one: Series) -> int:
+    """Rows from one look at a relay's commands to the next; 0 where nothing is to be told of its switches.
+
+    All switches are whole numbers of looks apart.
+    """
+    apart = np.diff(switches(one))
+    as_recorded = one.drive[0] is one.t_u and not one.timed and len(one.blocks) == 1
+    if not one.relayed or not as_recorded or len(apart) < SWITCH_TIMES.fewest:
+        return 0
+    rows = int(np.gcd.reduce(apart))
+    return rows if float(np.median(apart)) >= SWITCH_TIMES.apart * rows else 0
+
+
+def switched(one: Series, leads: Array) -> Series:
+    """A recording with each of its switches so many rows earlier, shape (switches,)."""
+    begin = np.r_[0, switches(one)]
+    times = one.t_u[begin]
+    times[1:] -= leads * one.tick
+    times = np.maximum.accumulate(times)
+    return replace(one, drive=(times, one.u[begin]), lead=float(np.mean(leads)), timed=True)

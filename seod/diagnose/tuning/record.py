@@ -180,6 +180,51 @@ COMMAND_TIMING: Final = CommandTiming()
 
 
 @dataclass(frozen=True, slots=True)
+class SwitchTimes:
+    """Switches of a relay that were given between two rows."""
+
+    fewest: int = 20
+    """[switches] Without which nothing is asked. Chosen: fewer hardly tell looks from rows."""
+    apart: float = 4.0
+    """[looks] Median from one switch to the next, at least. Chosen: nearer ones are no relay's."""
+    most_in_window: int = 100
+    """[switches] Each takes a simulation. Chosen."""
+    unsure: float = 0.5
+    """[looks] Mean and standard deviation of how much earlier than recorded a switch was given. Chosen: up
+    to a look, and a look more where commands are noted late."""
+    latest: float = -0.5
+    """[-] Lead over that deviation, at least. Chosen: a quarter of a look later than recorded is an error
+    of the set."""
+    earliest: float = 4.0
+    """[-] At most. Chosen: two looks."""
+    change: float = 0.1
+    """[rows] By which its derivative is taken. Chosen."""
+    fit_steps: int = 12
+    """[steps] Of a fit with other times. Chosen."""
+    parts: tuple[float, ...] = (1.0, 0.5, 0.25)
+    """[-] Of a step, tried one after the other. Chosen."""
+    rounds: int = 10
+    """[-] Of times, and numbers fitted with these. Measured: five or six for a damping four times off."""
+    enough: float = 0.003
+    """[-] Of the mean log squared error, saved by a round that is not the last. Chosen."""
+    alike: float = 0.02
+    """[-] Of the mean log squared error, by which a set with fewer effects may err more. Chosen: a percent
+    of the error."""
+    tail: float = 0.03
+    """[-] Part of the switches at either end that may be told wrongly. Chosen: where a window begins, its
+    initial state stands for the switch."""
+    widest: float = 1.1
+    """[looks] From the latest of the others to the earliest. Chosen: a look, and errors. Measured: 1.5 where
+    the set lacks a spring."""
+    likelier: float = 10.0
+    """[-] Log of how much likelier times of their own have to make the recordings. Chosen: as many say
+    nothing by chance."""
+
+
+SWITCH_TIMES: Final = SwitchTimes()
+
+
+@dataclass(frozen=True, slots=True)
 class DaemonPart:
     """A part of a daemon's recording in one mode."""
 

@@ -1,0 +1,268 @@
+"""When each switch of a relay was given, where a record only has the row that saw it first.
+
+Each is late by a time of its own, up to a look at the commands, which moves the load for good: an effect, or
+a load that oscillates, takes the place of that. Times are told beside the numbers of a set (Bayesian linear
+model; Kay, Fundamentals of Statistical Signal Processing, vol. 1, 11.6), and believed where they are far
+likelier than one time for all switches up and one for all down.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from seod.diagnose.fitting.beside import correlated_rows
+from seod.diagnose.fitting.initial_states import begun_states
+from seod.diagnose.fitting.least_squares import LeastSquares, fit, weighted
+from seod.diagnose.record.command_timing import switch_look, switched, switches
+from seod.diagnose.record.windows import fitted_windows
+from seod.diagnose.tuning.record import SWITCH_TIMES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.work import ParallelMap
+    from seod.diagnose.record.series import Series
+    from seod.diagnose.record.windows import Cut
+    from seod.diagnose.result import Array, Rows
+
+    Leads = Sequence[Array]
+
+
+class SwitchTimes(NamedTuple):
+    """When switches were given.
+
+    Attributes:
+        leads: By how many rows earlier than recorded, of each recording one for each switch.
+        likelier: Log of how much likelier the recordings are so than with two times for all.
+    """
+
+    leads: Leads
+    likelier: float
+
+    def of(self, every: Sequence[Series]) -> list[Series]:
+        """The recordings with commands given at these times."""
+        return [switched(one, leads) for one, leads in zip(every, self.leads, strict=True)]
+
+    @property
+    def sentence(self) -> str:
+        """A remark."""
+        every = np.concatenate(list(self.leads))
+        return (
+            f"each of the {len(every)} switches of the relay is taken to have been given at its own time, "
+            f"{np.mean(every):.2g} ± {np.std(every):.2g} rows earlier than recorded: the plant moved so. "
+            "A column t_u tells when commands were given"
+        )
+
+
+def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) -> SwitchTimes | None:
+    """When the switches in windows were given; None where that is told, or where two times do as well.
+
+    By the first of the sets that errs, with its own times, about as little as any of them: an effect that is
+    none bends the times to what it needs.
+
+    Args:
+        sets: Fitted to some of the windows, those with fewer effects first.
+        windows: All of the recordings, with commands as recorded.
+        parallel: Maps a function over trials.
+    """
+    looks = [switch_look(one) for one in windows.series]
+    if not all(looks):
+        return None
+    cut = fitted_windows(windows)
+    own = _within(cut)
+    if not 0 < max(len(each) for each in own) <= SWITCH_TIMES.most_in_window:
+        return None
+    search = _Search(windows.series, own, SWITCH_TIMES.unsure * max(looks), parallel)
+    ended = list(parallel(search.run, [replace(one, cut=cut) for one in sets]))
+    least = min(at.fitted.cost for at, _ in ended)
+    at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
+    likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
+    believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
+    return SwitchTimes(at.leads, likelier) if believed else None
+
+
+class _At(NamedTuple):
+    """A set fitted with switches that were given so many rows earlier."""
+
+    fitted: Fitted
+    leads: Leads
+
+
+class _Window(NamedTuple):
+    """Weighted columns of a window, shapes (n, ...).
+
+    What its own states, its switches, all switches up and down, and the searched numbers change in the
+    simulation, over their deviations; and what is left without any lead, shape (n,).
+    """
+
+    states: Array
+    switches: Array
+    kinds: Array
+    numbers: Array
+    left: Array
+
+
+class _Linear(NamedTuple):
+    """The windows, bounds of a step of the searched numbers, and the root of how many rows count as one."""
+
+    windows: list[_Window]
+    low: Array
+    high: Array
+    wide: float
+
+
+class _Solved(NamedTuple):
+    """Leads of each window's switches over their deviation, and the log of how likely the windows are."""
+
+    leads: list[Array]
+    evidence: float
+
+
+class _Search:
+    """What is the same in all rounds: recordings as they are, switches of each window, their deviation."""
+
+    def __init__(
+        self, every: Sequence[Series], own: list[Rows], deviation: float, parallel: ParallelMap
+    ) -> None:
+        self.every, self.own, self.deviation, self.parallel = every, own, deviation, parallel
+
+    def run(self, fitted: Fitted) -> tuple[_At, _Linear]:
+        """A set with the times and numbers that it comes to from commands as recorded."""
+        recorded = [np.full(len(switches(one)), one.lead) for one in self.every]
+        at = self.fitted(fitted, recorded)
+        parts = self.linear(at)
+        for _ in range(SWITCH_TIMES.rounds):
+            before, at = at, self.nearer(at, parts)
+            parts = self.linear(at)
+            if before.fitted.cost - at.fitted.cost < SWITCH_TIMES.enough:
+                break
+        return at, parts
+
+    def fitted(self, fitted: Fitted, leads: Leads) -> _At:
+        """The set fitted with these leads."""
+        cut = self._given(fitted.cut, leads)
+        start = begun_states(fitted.model, fitted.x, cut)
+        return _At(fit(fitted.model, cut, fitted.x, start, SWITCH_TIMES.fit_steps, self.parallel), leads)
+
+    def _given(self, cut: Cut, leads: Leads) -> Cut:
+        return replace(cut, series=[switched(one, each) for one, each in zip(self.every, leads, strict=True)])
+
+    def linear(self, at: _At) -> _Linear:
+        """What all numbers change in the simulation, to first order."""
+        fitted, model = at.fitted, at.fitted.model
+        search = LeastSquares(model, fitted.cut, self.parallel, np.ones(len(fitted.x), np.bool_))
+        left, error = search.tried(fitted.x, fitted.start)
+        parts = search.derivatives(fitted.x, fitted.start, left, error)
+        assert parts.table is not None  # noqa: S101 - a search has one
+        windows = []
+        for w, (rows, slopes) in enumerate(zip(fitted.cut.slices, self._slopes(at, left), strict=True)):
+            k, weight = fitted.cut.windows[w][0], math.sqrt(parts.table.weights[w])
+            columns, own = weight * parts.table.columns[rows], weight * self.deviation * slopes
+            rises = (np.diff(self.every[k].u)[switches(self.every[k])[self.own[w]] - 1] > 0.0)[:, None]
+            leads = at.leads[k][self.own[w]] / self.deviation - 1.0
+            states, numbers = columns[:, : parts.count], columns[:, parts.count : -1]
+            kinds = own @ np.hstack([rises, ~rises])
+            windows.append(_Window(states, own, kinds, numbers, columns[:, -1] + own @ leads))
+        free = parts.free
+        low, high = (
+            np.maximum(search.low - fitted.x, -search.reach),
+            np.minimum(search.high - fitted.x, search.reach),
+        )
+        wide = math.sqrt(max(1.0, correlated_rows(fitted, left)))
+        return _Linear(windows, low[free], high[free], wide)
+
+    def _slopes(self, at: _At, left: Array) -> list[Array]:
+        """What each window's switches change for each row that they are earlier, shapes (n, switches).
+
+        One switch of every window is moved at a time: windows do not see each other's.
+        """
+        fitted = at.fitted
+        most = max(len(each) for each in self.own)
+
+        def moved(number: int) -> Array:
+            leads = [each.copy() for each in at.leads]
+            for (k, _, _), own in zip(fitted.cut.windows, self.own, strict=True):
+                leads[k][own[number : number + 1]] += SWITCH_TIMES.change
+            cut = self._given(fitted.cut, leads)
+            other = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
+            return np.asarray((left - other) / SWITCH_TIMES.change)
+
+        every = np.stack(list(self.parallel(moved, range(most))), axis=1)
+        return [every[rows, : len(own)] for rows, own in zip(fitted.cut.slices, self.own, strict=True)]
+
+    def are_within_a_look(self, leads: Leads) -> bool:
+        """Whether one is no more than a look before another, but for errors: more is what an effect does."""
+        spread = np.quantile(np.concatenate(list(leads)), [SWITCH_TIMES.tail, 1.0 - SWITCH_TIMES.tail])
+        return bool(np.ptp(spread) * SWITCH_TIMES.unsure <= SWITCH_TIMES.widest * self.deviation)
+
+    def nearer(self, at: _At, parts: _Linear) -> _At:
+        """The set with other leads if it errs less with these: all the way of a step, or a part of it.
+
+        A limit cycle hardly tells a plant from one with another gain and damping: leads and numbers go a long
+        way together, along a bend.
+        """
+        to = self._moved(at, parts)
+        for part in SWITCH_TIMES.parts:
+            leads = [old + part * (new - old) for old, new in zip(at.leads, to, strict=True)]
+            tried = self.fitted(at.fitted, leads)
+            if tried.fitted.cost < at.fitted.cost:
+                return tried
+        return at
+
+    def _moved(self, at: _At, parts: _Linear) -> Leads:
+        """Leads where a step goes. Switches that are in no window have the mean of the others."""
+        out = [np.full(len(each), np.nan) for each in at.leads]
+        for (k, _, _), own, leads in zip(
+            at.fitted.cut.windows, self.own, _least(parts, together=False).leads, strict=True
+        ):
+            out[k][own] = self.deviation * np.clip(1.0 + leads, SWITCH_TIMES.latest, SWITCH_TIMES.earliest)
+        mean = float(np.nanmean(np.concatenate(out)))
+        return [np.where(np.isnan(each), mean, each) for each in out]
+
+
+def _within(cut: Cut) -> list[Rows]:
+    """Which of its recording's switches are within each window."""
+    out = []
+    for k, first, last in cut.windows:
+        rows = switches(cut.series[k])
+        out.append(np.flatnonzero((rows > first) & (rows < last)))
+    return out
+
+
+def _least(parts: _Linear, *, together: bool) -> _Solved:
+    """Least squares with a time for each switch, or, `together`, with one for all up and one for all down.
+
+    Each lead has the deviation 1 about 1 before the data, each searched number 1 about where it is.
+    """
+    wide, every = parts.wide, []
+    squared = log_volume = 0.0
+    for one in parts.windows:
+        states = one.states / np.maximum(np.linalg.norm(one.states, axis=0), 1e-300)
+        others = np.hstack([one.numbers, one.kinds]) if together else one.numbers
+        known = np.hstack([states, one.switches]) if not together else states
+        size = known.shape[1] - states.shape[1]
+        known = np.vstack([known, np.hstack([np.zeros((size, states.shape[1])), wide * np.eye(size)])])
+        others = np.vstack([others, np.zeros((size, others.shape[1]))])
+        left = np.r_[one.left, np.zeros(size)]
+        base = np.linalg.qr(known)[0]
+        every.append((known, others, left, others - base @ (base.T @ others), left - base @ (base.T @ left)))
+        if size:
+            base = np.linalg.qr(states)[0]
+            apart = (one.switches - base @ (base.T @ one.switches)) / wide
+            log_volume += np.linalg.slogdet(np.eye(size) + apart.T @ apart)[1]
+    matrix = sum(others.T @ others for *_, others, _ in every) + wide**2 * np.eye(every[0][3].shape[1])
+    right = sum(others.T @ left for *_, others, left in every)
+    step = np.linalg.solve(matrix, right)
+    squared = sum(float(left @ left) for *_, left in every) - float(right @ step)
+    log_volume += np.linalg.slogdet(matrix / wide**2)[1]
+    step[: len(parts.low)] = np.clip(step[: len(parts.low)], parts.low, parts.high)
+    leads = []
+    for one, (known, others, left, _, _) in zip(parts.windows, every, strict=True):
+        own = np.linalg.lstsq(known, left - others @ step, rcond=1e-12)[0]
+        leads.append(own[one.states.shape[1] :])
+    return _Solved(leads, -0.5 * (squared / wide**2 + log_volume))

@@ -1,0 +1,120 @@
+"""When each switch of a relay was given, where a record only has the row that saw it first."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from seod.data import Recording
+from seod.diagnose.fitting.initial_states import begun_states
+from seod.diagnose.fitting.least_squares import fit
+from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.switch_times import switch_times
+from seod.diagnose.record.command_timing import switch_look
+from seod.diagnose.record.series import series
+from seod.diagnose.record.windows import Cut, cut, fitted_windows, whole_windows
+from seod.diagnose.starts.baseline import _rough
+from seod.diagnose.starts.sizes import scales
+
+K_L, OMEGA_N, ZETA = 2.0, 12.0, 0.6
+ROWS_HZ, SECONDS, NOISE = 100.0, 40.0, 1e-3
+
+
+def relayed(finer, spring=0.0, late=0):
+    """Rows of a relay that switches `finer` times a row, and by how many rows earlier it switched.
+
+    The plant by its transition matrix, apart from the simulation under test.
+    """
+    tick = 1.0 / (finer * ROWS_HZ)
+    rates = np.zeros((4, 4))  # position, speed, acceleration by the oil, command
+    rates[0, 1] = rates[1, 2] = 1.0
+    rates[1, 0] = -spring
+    rates[2, 1:] = -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N, K_L * OMEGA_N**2
+    step = expm(rates * tick)
+    count = int(finer * ROWS_HZ * SECONDS)
+    y, u, x, volts = np.zeros(count), np.zeros(count), np.zeros(4), 1.0
+    for k in range(count):
+        y[k] = x[0]
+        if volts * (x[0] - 0.05 * np.sin(1.7 * k * tick)) > 0.003:
+            volts = -volts
+        u[k] = x[3] = volts
+        x = step @ x
+    rows = np.arange(0, count, finer)
+    seen = u[np.maximum(rows - late, 0)]
+    switched = np.flatnonzero(np.diff(u)) + 1
+    recorded = np.flatnonzero(np.diff(seen)) + 1
+    leads = recorded - switched[: len(recorded)] / finer
+    noise = NOISE * np.std(y) * np.random.default_rng(5).normal(size=len(rows))
+    return rows * tick, seen, y[rows] + noise, leads
+
+
+def recorded(t, u, y, t_u=None):
+    return Recording((Path("relay.csv"),), t, u, y, t_u, None, None, np.arange(1, len(t) + 1), {}, {}, ())
+
+
+def asked(t, u, y, damping=ZETA, t_u=None, stiff=None):
+    """What is told of the record's switches, from a fit of Eq. 1, and of one beside a spring as stiff."""
+    one = series(recorded(t, u, y, t_u))
+    to_fit, _ = cut([one])
+    model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
+    small = fitted_windows(to_fit)
+    x = model.searched({"K_L": K_L * damping / ZETA, "omega_n": OMEGA_N, "zeta": damping})
+    plain = fit(model, small, x, begun_states(model, x, small))
+    sets = [plain]
+    if stiff is not None:
+        beside = replace(model, scales=scales(plain, small)).with_effect("load_spring")
+        values = {each.place: 0.0 for each in beside.coordinates}
+        x = beside.searched(values | model.values(plain.x) | {"load_spring.stiffness": stiff})
+        sets.append(fit(beside, small, x, begun_states(beside, x, small)))
+    return switch_times(sets, Cut([one], whole_windows([one])), map)
+
+
+@pytest.mark.parametrize(("finer", "late"), [(4, 0), (8, 3)])
+@pytest.mark.parametrize("damping", [ZETA, 0.15])
+def test_each_switch_is_told_its_own_time(finer, late, damping):
+    """Also from a fit that has a quarter of the damping and of the gain, as a limit cycle may show it."""
+    t, u, y, true = relayed(finer, late=late)
+    told = asked(t, u, y, damping)
+    assert told is not None
+    off = np.abs(told.leads[0] - true)
+    assert np.std(true) > 0.2
+    assert np.mean(off < 0.1) > 0.9
+    assert np.median(off) < 0.03
+    assert "rows earlier than recorded" in told.sentence
+
+
+@pytest.mark.parametrize("spring", [0.0, 40.0])
+def test_switches_that_were_given_at_rows_keep_their_times(spring):
+    """Also where the set lacks an effect that the plant has."""
+    t, u, y, true = relayed(1, spring)
+    assert np.all(true == 0.0)
+    assert asked(t, u, y) is None
+
+
+def test_an_effect_that_is_none_does_not_bend_the_times():
+    t, u, y, true = relayed(4)
+    plain, both = asked(t, u, y, 0.15), asked(t, u, y, 0.15, stiff=60.0)
+    assert np.array_equal(plain.leads[0], both.leads[0])
+    assert np.median(np.abs(plain.leads[0] - true)) < 0.03
+
+
+def test_an_effect_that_the_plant_has_is_needed_to_tell_the_times():
+    t, u, y, true = relayed(4, spring=40.0)
+    assert asked(t, u, y) is None
+    both = asked(t, u, y, stiff=30.0)
+    assert np.median(np.abs(both.leads[0] - true)) < 0.03
+
+
+def test_what_is_told_is_not_asked():
+    t, u, y, _ = relayed(4)
+    assert asked(t, u, y, t_u=t - 0.001) is None
+
+
+def test_a_relay_that_is_seldom_looked_at_has_longer_looks():
+    t, u, y, _ = relayed(1)
+    rows = np.arange(len(u))
+    seldom = u[rows - rows % 3]
+    looks = [switch_look(series(recorded(t, each, y))) for each in (u, seldom, np.sin(t))]
+    assert looks == [1, 3, 0]
