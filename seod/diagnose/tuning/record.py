@@ -210,12 +210,12 @@ class SwitchTimes:
     alike: float = 0.02
     """[-] Of the mean log squared error, by which a set with fewer effects may err more. Chosen: a percent
     of the error."""
-    tail: float = 0.03
-    """[-] Part of the switches at either end that may be told wrongly. Chosen: where a window begins, its
-    initial state stands for the switch."""
-    widest: float = 1.1
-    """[looks] From the latest of the others to the earliest. Chosen: a look, and errors. Measured: 1.5 where
-    the set lacks a spring."""
+    tail: float = 0.1
+    """[-] Part of the switches at either end that may be told wrongly. Chosen: the first of a window, for
+    which its initial state stands, is every sixth or so."""
+    widest: float = 1.0
+    """[looks] From the latest of the others to the earliest. Chosen: 0.8 of them, and errors. Measured: 1.5
+    where the set lacks a spring."""
     likelier: float = 10.0
     """[-] Log of how much likelier times of their own have to make the recordings. Chosen: as many say
     nothing by chance."""
