@@ -231,9 +231,7 @@ def _timed_otherwise(
     switches = switch_times(sets, windows, way.parallel)
     if switches is None:
         return told
-    again = searched((switches.of(every[0]), every[1]), anew, closed)
-    nearer = most_left(_in_own_windows(again)) < most_left(_in_own_windows(told))
-    return again._replace(timed=switches) if nearer else told
+    return searched((switches.of(every[0]), every[1]), anew, closed)._replace(timed=switches)
 
 
 def _as_either(

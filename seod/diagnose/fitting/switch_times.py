@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     Leads = Sequence[Array]
 
 
+_without_end = np.errstate(over="ignore", invalid="ignore")
+"""For simulations of unstable plants: whether their numbers are finite is asked where they are used."""
+
+
 class SwitchTimes(NamedTuple):
     """When switches were given.
 
@@ -152,6 +156,7 @@ class _Search:
     def _given(self, cut: Cut, leads: Leads) -> Cut:
         return replace(cut, series=[switched(one, each) for one, each in zip(self.every, leads, strict=True)])
 
+    @_without_end
     def linear(self, at: _At) -> _Linear:
         """What all numbers change in the simulation, to first order."""
         fitted, model = at.fitted, at.fitted.model
@@ -234,13 +239,13 @@ def _within(cut: Cut) -> list[Rows]:
     return out
 
 
+@_without_end
 def _least(parts: _Linear, *, together: bool) -> _Solved:
     """Least squares with a time for each switch, or, `together`, with one for all up and one for all down.
 
     Each lead has the deviation 1 about 1 before the data, each searched number 1 about where it is.
     """
-    wide, every = parts.wide, []
-    squared = log_volume = 0.0
+    wide, every, log_volume = parts.wide, [], 0.0
     for one in parts.windows:
         states = one.states / np.maximum(np.linalg.norm(one.states, axis=0), 1e-300)
         others = np.hstack([one.numbers, one.kinds]) if together else one.numbers
@@ -256,6 +261,8 @@ def _least(parts: _Linear, *, together: bool) -> _Solved:
             apart = (one.switches - base @ (base.T @ one.switches)) / wide
             log_volume += np.linalg.slogdet(np.eye(size) + apart.T @ apart)[1]
     matrix = sum(others.T @ others for *_, others, _ in every) + wide**2 * np.eye(every[0][3].shape[1])
+    if not np.isfinite(matrix).all():  # a simulation without end tells nothing
+        return _Solved([np.zeros(one.switches.shape[1]) for one in parts.windows], -math.inf)
     right = sum(others.T @ left for *_, others, left in every)
     step = np.linalg.solve(matrix, right)
     squared = sum(float(left @ left) for *_, left in every) - float(right @ step)
