@@ -231,7 +231,8 @@ def _timed_otherwise(
     switches = switch_times(sets, windows, way.parallel)
     if switches is None:
         return told
-    return searched((switches.of(every[0]), every[1]), anew, closed)._replace(timed=switches)
+    again = searched((switches.of(every[0]), every[1]), anew, closed)
+    return again._replace(timed=switches) if switches.serve(again.found.chosen.found, windows) else told
 
 
 def _as_either(

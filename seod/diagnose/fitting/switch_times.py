@@ -43,14 +43,27 @@ class SwitchTimes(NamedTuple):
     Attributes:
         leads: By how many rows earlier than recorded, of each recording one for each switch.
         likelier: Log of how much likelier the recordings are so than with two times for all.
+        cost: Mean log squared error of the set that told them.
     """
 
     leads: Leads
     likelier: float
+    cost: float
 
     def of(self, every: Sequence[Series]) -> list[Series]:
         """The recordings with commands given at these times."""
         return [switched(one, leads) for one, leads in zip(every, self.leads, strict=True)]
+
+    def serve(self, found: Fitted, windows: Cut) -> bool:
+        """Whether a set that was searched with these times errs about as little as the one that told them.
+
+        Windows have commands as recorded.
+        """
+        cut = fitted_windows(windows)
+        cut = replace(cut, series=self.of(cut.series))
+        start = begun_states(found.model, found.x, cut)
+        own = fit(found.model, cut, found.x, start, SWITCH_TIMES.fit_steps)
+        return own.cost <= self.cost + SWITCH_TIMES.alike
 
     @property
     def sentence(self) -> str:
@@ -81,13 +94,13 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     own = _within(cut)
     if not 0 < max(len(each) for each in own) <= SWITCH_TIMES.most_in_window:
         return None
-    search = _Search(windows.series, own, SWITCH_TIMES.unsure * max(looks), parallel)
+    search = _Search(cut.series, own, SWITCH_TIMES.unsure * max(looks), parallel)
     ended = list(parallel(search.run, [replace(one, cut=cut) for one in sets]))
     least = min(at.fitted.cost for at, _ in ended)
     at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
-    return SwitchTimes(at.leads, likelier) if believed else None
+    return SwitchTimes(at.leads, likelier, at.fitted.cost) if believed else None
 
 
 class _At(NamedTuple):
