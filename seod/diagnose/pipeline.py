@@ -232,7 +232,8 @@ def _timed_otherwise(
     if switches is None:
         return told
     again = searched((switches.of(every[0]), every[1]), anew, closed)
-    return again._replace(timed=switches) if switches.serve(again.found.chosen.found, windows) else told
+    as_well = switches.serve(again.found.chosen.found, windows, way.parallel)
+    return again._replace(timed=switches) if as_well else told
 
 
 def _as_either(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
     from seod.diagnose.record.windows import Cut
-    from seod.diagnose.result import Array, Rows
+    from seod.diagnose.result import Array, Mask, Rows
 
     Leads = Sequence[Array]
 
@@ -54,16 +54,15 @@ class SwitchTimes(NamedTuple):
         """The recordings with commands given at these times."""
         return [switched(one, leads) for one, leads in zip(every, self.leads, strict=True)]
 
-    def serve(self, found: Fitted, windows: Cut) -> bool:
+    def serve(self, found: Fitted, windows: Cut, parallel: ParallelMap) -> bool:
         """Whether a set that was searched with these times errs about as little as the one that told them.
 
+        It may tell its own, from these on: where the other one had an effect that is none, that bent them.
         Windows have commands as recorded.
         """
-        cut = fitted_windows(windows)
-        cut = replace(cut, series=self.of(cut.series))
-        start = begun_states(found.model, found.x, cut)
-        own = fit(found.model, cut, found.x, start, SWITCH_TIMES.fit_steps)
-        return own.cost <= self.cost + SWITCH_TIMES.alike
+        search = _Search(fitted_windows(windows), parallel)
+        at, _ = search.run(found, self.leads)
+        return at.fitted.cost <= self.cost + SWITCH_TIMES.alike
 
     @property
     def sentence(self) -> str:
@@ -87,15 +86,13 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
         windows: All of the recordings, with commands as recorded.
         parallel: Maps a function over trials.
     """
-    looks = [switch_look(one) for one in windows.series]
-    if not all(looks):
+    if not all(switch_look(one) for one in windows.series):
         return None
-    cut = fitted_windows(windows)
-    own = _within(cut)
-    if not 0 < max(len(each) for each in own) <= SWITCH_TIMES.most_in_window:
+    search = _Search(fitted_windows(windows), parallel)
+    if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
-    search = _Search(cut.series, own, SWITCH_TIMES.unsure * max(looks), parallel)
-    ended = list(parallel(search.run, [replace(one, cut=cut) for one in sets]))
+    recorded = [np.full(len(switches(one)), one.lead) for one in windows.series]
+    ended = list(parallel(lambda one: search.run(one, recorded), sets))
     least = min(at.fitted.cost for at, _ in ended)
     at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
@@ -141,17 +138,17 @@ class _Solved(NamedTuple):
 
 
 class _Search:
-    """What is the same in all rounds: recordings as they are, switches of each window, their deviation."""
+    """What is the same in all rounds: windows, switches in each, the deviation of their leads [rows]."""
 
-    def __init__(
-        self, every: Sequence[Series], own: list[Rows], deviation: float, parallel: ParallelMap
-    ) -> None:
-        self.every, self.own, self.deviation, self.parallel = every, own, deviation, parallel
+    def __init__(self, cut: Cut, parallel: ParallelMap) -> None:
+        self.cut, self.parallel = cut, parallel
+        self.own = _within(cut)
+        self.most = max(len(each) for each in self.own)
+        self.deviation = SWITCH_TIMES.unsure * max(switch_look(one) for one in cut.series)
 
-    def run(self, fitted: Fitted) -> tuple[_At, _Linear]:
-        """A set with the times and numbers that it comes to from commands as recorded."""
-        recorded = [np.full(len(switches(one)), one.lead) for one in self.every]
-        at = self.fitted(fitted, recorded)
+    def run(self, fitted: Fitted, leads: Leads) -> tuple[_At, _Linear]:
+        """A set with the times and numbers that it comes to from these times."""
+        at = self.fitted(fitted, leads)
         parts = self.linear(at)
         for _ in range(SWITCH_TIMES.rounds):
             before, at = at, self.nearer(at, parts)
@@ -162,12 +159,13 @@ class _Search:
 
     def fitted(self, fitted: Fitted, leads: Leads) -> _At:
         """The set fitted with these leads."""
-        cut = self._given(fitted.cut, leads)
+        cut = self._given(leads)
         start = begun_states(fitted.model, fitted.x, cut)
         return _At(fit(fitted.model, cut, fitted.x, start, SWITCH_TIMES.fit_steps, self.parallel), leads)
 
-    def _given(self, cut: Cut, leads: Leads) -> Cut:
-        return replace(cut, series=[switched(one, each) for one, each in zip(self.every, leads, strict=True)])
+    def _given(self, leads: Leads) -> Cut:
+        every = [switched(one, each) for one, each in zip(self.cut.series, leads, strict=True)]
+        return replace(self.cut, series=every)
 
     @_without_end
     def linear(self, at: _At) -> _Linear:
@@ -179,9 +177,9 @@ class _Search:
         assert parts.table is not None  # noqa: S101 - a search has one
         windows = []
         for w, (rows, slopes) in enumerate(zip(fitted.cut.slices, self._slopes(at, left), strict=True)):
-            k, weight = fitted.cut.windows[w][0], math.sqrt(parts.table.weights[w])
+            k, weight = self.cut.windows[w][0], math.sqrt(parts.table.weights[w])
             columns, own = weight * parts.table.columns[rows], weight * self.deviation * slopes
-            rises = (np.diff(self.every[k].u)[switches(self.every[k])[self.own[w]] - 1] > 0.0)[:, None]
+            rises = _rises(self.cut.series[k])[self.own[w], None]
             leads = at.leads[k][self.own[w]] / self.deviation - 1.0
             states, numbers = columns[:, : parts.count], columns[:, parts.count : -1]
             kinds = own @ np.hstack([rises, ~rises])
@@ -200,17 +198,16 @@ class _Search:
         One switch of every window is moved at a time: windows do not see each other's.
         """
         fitted = at.fitted
-        most = max(len(each) for each in self.own)
 
         def moved(number: int) -> Array:
             leads = [each.copy() for each in at.leads]
-            for (k, _, _), own in zip(fitted.cut.windows, self.own, strict=True):
+            for (k, _, _), own in zip(self.cut.windows, self.own, strict=True):
                 leads[k][own[number : number + 1]] += SWITCH_TIMES.change
-            cut = self._given(fitted.cut, leads)
+            cut = self._given(leads)
             other = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
             return np.asarray((left - other) / SWITCH_TIMES.change)
 
-        every = np.stack(list(self.parallel(moved, range(most))), axis=1)
+        every = np.stack(list(self.parallel(moved, range(self.most))), axis=1)
         return [every[rows, : len(own)] for rows, own in zip(fitted.cut.slices, self.own, strict=True)]
 
     def are_within_a_look(self, leads: Leads) -> bool:
@@ -236,7 +233,7 @@ class _Search:
         """Leads where a step goes. Switches that are in no window have the mean of the others."""
         out = [np.full(len(each), np.nan) for each in at.leads]
         for (k, _, _), own, leads in zip(
-            at.fitted.cut.windows, self.own, _least(parts, together=False).leads, strict=True
+            self.cut.windows, self.own, _least(parts, together=False).leads, strict=True
         ):
             out[k][own] = self.deviation * np.clip(1.0 + leads, SWITCH_TIMES.latest, SWITCH_TIMES.earliest)
         mean = float(np.nanmean(np.concatenate(out)))
@@ -250,6 +247,11 @@ def _within(cut: Cut) -> list[Rows]:
         rows = switches(cut.series[k])
         out.append(np.flatnonzero((rows > first) & (rows < last)))
     return out
+
+
+def _rises(one: Series) -> Mask:
+    """Whether each switch is to a higher command, shape (switches,)."""
+    return np.asarray(np.diff(one.u)[switches(one) - 1] > 0.0)
 
 
 @_without_end
