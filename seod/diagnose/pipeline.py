@@ -231,9 +231,7 @@ def _timed_otherwise(
     switches = switch_times(sets, windows, way.parallel)
     if switches is None:
         return told
-    again = searched((switches.of(every[0]), every[1]), anew, closed)
-    as_well = switches.serve(again.found.chosen.found, windows, way.parallel)
-    return again._replace(timed=switches) if as_well else told
+    return searched((switches.of(every[0]), every[1]), anew, closed)._replace(timed=switches)
 
 
 def _as_either(

@@ -43,26 +43,14 @@ class SwitchTimes(NamedTuple):
     Attributes:
         leads: By how many rows earlier than recorded, of each recording one for each switch.
         likelier: Log of how much likelier the recordings are so than with two times for all.
-        cost: Mean log squared error of the set that told them.
     """
 
     leads: Leads
     likelier: float
-    cost: float
 
     def of(self, every: Sequence[Series]) -> list[Series]:
         """The recordings with commands given at these times."""
         return [switched(one, leads) for one, leads in zip(every, self.leads, strict=True)]
-
-    def serve(self, found: Fitted, windows: Cut, parallel: ParallelMap) -> bool:
-        """Whether a set that was searched with these times errs about as little as the one that told them.
-
-        It may tell its own, from these on: where the other one had an effect that is none, that bent them.
-        Windows have commands as recorded.
-        """
-        search = _Search(fitted_windows(windows), parallel)
-        at, _ = search.run(found, self.leads)
-        return at.fitted.cost <= self.cost + SWITCH_TIMES.alike
 
     @property
     def sentence(self) -> str:
@@ -91,13 +79,12 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     search = _Search(fitted_windows(windows), parallel)
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
-    recorded = [np.full(len(switches(one)), one.lead) for one in windows.series]
-    ended = list(parallel(lambda one: search.run(one, recorded), sets))
+    ended = list(parallel(search.run, sets))
     least = min(at.fitted.cost for at, _ in ended)
     at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
-    return SwitchTimes(at.leads, likelier, at.fitted.cost) if believed else None
+    return SwitchTimes(at.leads, likelier) if believed else None
 
 
 class _At(NamedTuple):
@@ -122,18 +109,20 @@ class _Window(NamedTuple):
 
 
 class _Linear(NamedTuple):
-    """The windows, bounds of a step of the searched numbers, and the root of how many rows count as one."""
+    """The windows, which numbers are free, bounds of their step, and the root of how many rows are one."""
 
     windows: list[_Window]
+    free: Rows
     low: Array
     high: Array
     wide: float
 
 
 class _Solved(NamedTuple):
-    """Leads of each window's switches over their deviation, and the log of how likely the windows are."""
+    """Leads of each window over their deviation, the step of the free numbers, and the log of the evidence."""
 
     leads: list[Array]
+    step: Array
     evidence: float
 
 
@@ -146,9 +135,10 @@ class _Search:
         self.most = max(len(each) for each in self.own)
         self.deviation = SWITCH_TIMES.unsure * max(switch_look(one) for one in cut.series)
 
-    def run(self, fitted: Fitted, leads: Leads) -> tuple[_At, _Linear]:
-        """A set with the times and numbers that it comes to from these times."""
-        at = self.fitted(fitted, leads)
+    def run(self, fitted: Fitted) -> tuple[_At, _Linear]:
+        """A set with the times and numbers that it comes to from commands as recorded."""
+        recorded = [np.full(len(switches(one)), one.lead) for one in self.cut.series]
+        at = self.fitted(fitted, recorded)
         parts = self.linear(at)
         for _ in range(SWITCH_TIMES.rounds):
             before, at = at, self.nearer(at, parts)
@@ -190,7 +180,7 @@ class _Search:
             np.minimum(search.high - fitted.x, search.reach),
         )
         wide = math.sqrt(max(1.0, correlated_rows(fitted, left)))
-        return _Linear(windows, low[free], high[free], wide)
+        return _Linear(windows, free, low[free], high[free], wide)
 
     def _slopes(self, at: _At, left: Array) -> list[Array]:
         """What each window's switches change for each row that they are earlier, shapes (n, switches).
@@ -221,20 +211,20 @@ class _Search:
         A limit cycle hardly tells a plant from one with another gain and damping: leads and numbers go a long
         way together, along a bend.
         """
-        to = self._moved(at, parts)
+        solved = _least(parts, together=False)
+        to, x = self._all_leads(at, solved), np.zeros(len(at.fitted.x))
+        x[parts.free] = solved.step
         for part in SWITCH_TIMES.parts:
             leads = [old + part * (new - old) for old, new in zip(at.leads, to, strict=True)]
-            tried = self.fitted(at.fitted, leads)
+            tried = self.fitted(replace(at.fitted, x=at.fitted.x + part * x), leads)
             if tried.fitted.cost < at.fitted.cost:
                 return tried
         return at
 
-    def _moved(self, at: _At, parts: _Linear) -> Leads:
+    def _all_leads(self, at: _At, solved: _Solved) -> Leads:
         """Leads where a step goes. Switches that are in no window have the mean of the others."""
         out = [np.full(len(each), np.nan) for each in at.leads]
-        for (k, _, _), own, leads in zip(
-            self.cut.windows, self.own, _least(parts, together=False).leads, strict=True
-        ):
+        for (k, _, _), own, leads in zip(self.cut.windows, self.own, solved.leads, strict=True):
             out[k][own] = self.deviation * np.clip(1.0 + leads, SWITCH_TIMES.latest, SWITCH_TIMES.earliest)
         mean = float(np.nanmean(np.concatenate(out)))
         return [np.where(np.isnan(each), mean, each) for each in out]
@@ -277,7 +267,8 @@ def _least(parts: _Linear, *, together: bool) -> _Solved:
             log_volume += np.linalg.slogdet(np.eye(size) + apart.T @ apart)[1]
     matrix = sum(others.T @ others for *_, others, _ in every) + wide**2 * np.eye(every[0][3].shape[1])
     if not np.isfinite(matrix).all():  # a simulation without end tells nothing
-        return _Solved([np.zeros(one.switches.shape[1]) for one in parts.windows], -math.inf)
+        still = [np.zeros(one.switches.shape[1]) for one in parts.windows]
+        return _Solved(still, np.zeros(len(parts.free)), -math.inf)
     right = sum(others.T @ left for *_, others, left in every)
     step = np.linalg.solve(matrix, right)
     squared = sum(float(left @ left) for *_, left in every) - float(right @ step)
@@ -287,4 +278,4 @@ def _least(parts: _Linear, *, together: bool) -> _Solved:
     for one, (known, others, left, _, _) in zip(parts.windows, every, strict=True):
         own = np.linalg.lstsq(known, left - others @ step, rcond=1e-12)[0]
         leads.append(own[one.states.shape[1] :])
-    return _Solved(leads, -0.5 * (squared / wide**2 + log_volume))
+    return _Solved(leads, step[: len(parts.free)], -0.5 * (squared / wide**2 + log_volume))
