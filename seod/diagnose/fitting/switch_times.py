@@ -119,7 +119,7 @@ class _Linear(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """Leads of each window over their deviation, the step of the free numbers, and the log of the evidence."""
+    """Leads of each window over their deviation, the step of free numbers, and the log of the evidence."""
 
     leads: list[Array]
     step: Array
