@@ -12,6 +12,7 @@ from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.switch_times import switch_times
+from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, cut, fitted_windows, whole_windows
@@ -19,7 +20,7 @@ from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.starts.sizes import scales
 
 K_L, OMEGA_N, ZETA = 2.0, 12.0, 0.6
-ROWS_HZ, SECONDS, NOISE = 100.0, 40.0, 1e-3
+ROWS_HZ, SECONDS, NOISE = 100.0, 20.0, 1e-3
 
 
 def relayed(finer, spring=0.0, late=0):
@@ -118,3 +119,14 @@ def test_a_relay_that_is_seldom_looked_at_has_longer_looks():
     seldom = u[rows - rows % 3]
     looks = [switch_look(series(recorded(t, each, y))) for each in (u, seldom, np.sin(t))]
     assert looks == [1, 3, 0]
+
+
+@pytest.mark.slow
+def test_a_plant_behind_a_relay_that_is_seen_at_rows_hides_nothing():
+    """Without times of its own it had a tenth of its damping, and a disturbance."""
+    t, u, y, true = relayed(4)
+    told = diagnose([recorded(t, u, y)], (), Options(effort="quick"))
+    assert (told.verdict, told.effects) == ("clean", ())
+    found = told.extended
+    assert [found.K_L, found.omega_n, found.zeta] == pytest.approx([K_L, OMEGA_N, ZETA], rel=0.01)
+    assert any(f"each of the {len(true)} switches" in each for each in told.remarks)
