@@ -42,11 +42,9 @@ class SwitchTimes(NamedTuple):
 
     Attributes:
         leads: By how many rows earlier than recorded, of each recording one for each switch.
-        likelier: Log of how much likelier the recordings are so than with two times for all.
     """
 
     leads: Leads
-    likelier: float
 
     def of(self, every: Sequence[Series]) -> list[Series]:
         """The recordings with commands given at these times."""
@@ -84,7 +82,7 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
-    return SwitchTimes(at.leads, likelier) if believed else None
+    return SwitchTimes(at.leads) if believed else None
 
 
 class _At(NamedTuple):
