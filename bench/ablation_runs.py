@@ -63,7 +63,7 @@ def nothing(*_, **__):
 
 
 RULES = (
-    Rule("pipeline:hidden_by_offset", first, "A fourth root, where an offset or a delay hides the plant."),
+    Rule("starts.search_roots:hidden_by_offset", first, "A root where an offset or a delay hides the plant."),
     Rule("search.final_choice:best_alike", first, "Of causes alike the one that fits best is in the set."),
     Rule("search.prune:plainer", first, "A richer form gives way to the plain one that does as well."),
     Rule("search.final_choice:_over_whole",
@@ -83,7 +83,7 @@ RULES = (
     Rule("fitting.least_squares:rounded", first, "From afar a coarse sensor's rounding is white noise."),
     Rule("fitting.least_squares:LeastSquares.bent", second, "Steps bend with the valley."),
     Rule("fitting.free_run:fitted_in_one_run", first, "Last a fit in one run, where that foretells more."),
-    Rule("pipeline:trimmed", first, "Rows far off do not count, where a record has outliers."),
+    Rule("verdict.answer:trimmed", first, "Rows far off do not count, where a record has outliers."),
     Rule("verdict.effects:_over_the_sweep", lambda *_: [], "A drift under a sweep may be another cause."),
     Rule("starts.unsigned:unsigned_starts", nothing, "Readings without sign get the one of a plant."),
 )  # fmt: skip
