@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "bench"))
-sys.path.append(str(ROOT / "tests" / "blind"))
+sys.path.append(str(Path(__file__).parents[2] / "bench"))
+sys.path.append(str(Path(__file__).parents[1] / "blind"))
 
 from ablation_runs import RULES, found
 
