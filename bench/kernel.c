@@ -9,7 +9,8 @@
 /* Integration and events: sim/kernel.py */
 
 static void command(const Plant *p, State *s, double volts) {
-  volts = mapped(p, clip(volts, -p->valve_saturation_limit, p->valve_saturation_limit));
+  volts = clip(volts, -p->valve_saturation_limit, p->valve_saturation_limit);
+  if (p->static_valve_map_at_ports == 0.0) volts = mapped(p, volts);
   s->target = clip(s->target, volts - p->valve_hysteresis_half_width, volts + p->valve_hysteresis_half_width);
 }
 

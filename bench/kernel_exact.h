@@ -41,6 +41,7 @@ static Factors factors(const Plant *p, State *s, double h) {
 
 static bool on_one_side(const Plant *p, const State *s) {
   const double edge = p->valve_deadband_half_width;
+  if (p->static_valve_map_at_ports != 0.0) return false;
   if (edge == 0.0 && p->asymmetric_gain_ratio == 0.0) return true;
   const double low = min(s->spool, s->target) - p->null_shift_voltage;
   const double high = max(s->spool, s->target) - p->null_shift_voltage;

@@ -31,6 +31,7 @@ CONSTANTS = {
     "MOST_TRIALS": kernel.MOST_TRIALS,
     "MOST_EVENTS": kernel.MOST_EVENTS,
     "HALVINGS": substep.HALVINGS,
+    "PASSES": substep.PASSES,
     "ON_TIME": runs.ON_TIME,
 }
 ROWS = ctypes.c_long

@@ -35,9 +35,9 @@ static double mapped(const Plant *p, double volts) {
 
 static double opening(const Plant *p, double spool) {
   const double from_centre = spool - p->null_shift_voltage, overlap = p->valve_deadband_half_width;
-  if (from_centre > overlap) return (from_centre - overlap) * (1.0 + p->asymmetric_gain_ratio);
-  if (from_centre < -overlap) return (from_centre + overlap) * (1.0 - p->asymmetric_gain_ratio);
-  return 0.0;
+  if (fabs(from_centre) <= overlap) return 0.0;
+  const double side = from_centre > 0.0 ? 1.0 : -1.0, opened = from_centre - side * overlap;
+  return (p->static_valve_map_at_ports != 0.0 ? mapped(p, opened) : opened) * (1.0 + side * p->asymmetric_gain_ratio);
 }
 
 static double ramps_for(const Plant *p, const State *s) {

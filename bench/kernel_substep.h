@@ -27,7 +27,8 @@ static double next_edge(const Plant *p, const State *s, double h) {
     const double ramp = ramps_for(p, s);
     if (ramp > 1e-9 * p->valve_lag_time) nearest = ramp;
   }
-  const bool bent = p->valve_deadband_half_width > 0.0 || p->asymmetric_gain_ratio != 0.0;
+  const bool ports = p->static_valve_map_at_ports != 0.0;
+  const bool bent = ports || p->valve_deadband_half_width > 0.0 || p->asymmetric_gain_ratio != 0.0;
   if (!bent && p->square_root_flow_supply == INFINITY) return nearest;
   for (double side = -1.0; side <= 1.0; side += 2.0) {
     const double edge = p->null_shift_voltage + side * p->valve_deadband_half_width;
@@ -63,6 +64,13 @@ static double within_orifice(const Plant *p, const State *s, double longest) {
   return 0.5 * full / (quicker * quicker * rate);
 }
 
+static double within_ports(const Plant *p, const State *s) {
+  double speed = fabs(s->target - s->spool) / max(p->valve_lag_time, 1e-300);
+  if (swings(p)) speed = fabs(s->spool_speed) + p->spool_inertia_omega * fabs(s->target - s->spool);
+  speed = min(speed, p->valve_rate_limit_rate);
+  return PASSES * p->static_valve_map_range / (speed + 1e-300);
+}
+
 static double within_bristles(const Plant *p, const State *s, double longest) {
   const double z[STATES] = {[POSITION] = s->position, [VELOCITY2] = s->velocity2, [POSITION2] = s->position2};
   const double ratio = p->load_resonance_inertia;
@@ -79,6 +87,7 @@ static double next_substep(const Plant *p, const State *s, double left, double l
   if (p->square_root_flow_supply < INFINITY)
     longest = min(longest, max(within_orifice(p, s, longest), p->shortest * longest));
   if (p->lugre_friction_stiffness > 0.0 && !settled(p, s)) longest = min(longest, within_bristles(p, s, longest));
+  if (p->static_valve_map_at_ports != 0.0 && spool_moves(p)) longest = min(longest, within_ports(p, s));
   longest = max(longest, 1e-9);
   const double pieces = ceil(left / longest - 1e-9);
   const double h = pieces > 1.0 ? left / pieces : left;

@@ -116,6 +116,7 @@ _ALL = (
             Parameter(
                 "rounding", "1", 0.0, 0.0, 1.0, "0: sharp; 1: corners round to the nearer of 0 and the end"
             ),
+            Parameter("at_ports", "1", 0.0, 0.0, 1.0, "0: of commands; above, of what the spool opens"),
         ),
         "With a relay alone a gain and a load_bias; of few levels valve_deadband, asymmetric_gain.",
         sizes=(*MAP_BENDS, *MAP_TILTS),

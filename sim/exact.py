@@ -51,6 +51,8 @@ def linear_now(p: Record, s: Record, velocity: float) -> bool:
 @compiled
 def _on_one_side(p: Record, s: Record) -> bool:
     """Whether the spool's flow has no kink between where it is and where it goes."""
+    if p.static_valve_map_at_ports != 0.0:  # what it opens is no part of its way
+        return False
     edge = p.valve_deadband_half_width
     if edge == 0.0 and p.asymmetric_gain_ratio == 0.0:
         return True

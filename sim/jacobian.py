@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 
 from sim.effects import SENSOR_CURVE
+from sim.valve_map import ValveMap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,6 +50,15 @@ def _swings(p: Mapping[str, float]) -> bool:
     return inertia and not p["valve_rate_limit_rate"] < math.inf
 
 
+def _ports_slope(p: Mapping[str, float], steady: Steady) -> float:
+    """Of what counts as opening over what the spool opens [1]."""
+    valve_map, gain = ValveMap(p), 1.0 + steady.side * p["asymmetric_gain_ratio"]
+    if not valve_map.at_ports:
+        return gain
+    opened = valve_map.command(steady.opening / gain)
+    return gain * valve_map.slope(opened, steady.direction or steady.side)
+
+
 def dynamics(c: Conditions, steady: Steady) -> Matrix:
     """The matrix A of all `STATES`, without lags: shape (9, 9), in their units per second.
 
@@ -61,7 +71,7 @@ def dynamics(c: Conditions, steady: Steady) -> Matrix:
     by_opening, by_pressure = c.flow_slopes(steady.opening, steady.side, steady.pressure)
     if steady.blocked:
         by_opening = 0.0
-    A[PRESSURE, SPOOL] = oil * by_opening * (1.0 + steady.side * p["asymmetric_gain_ratio"])
+    A[PRESSURE, SPOOL] = oil * by_opening * _ports_slope(p, steady)
     A[PRESSURE, VELOCITY] = -oil
     A[PRESSURE, PRESSURE] = -oil * (c.leakage() - by_pressure)
     coupling = _coupling(p)

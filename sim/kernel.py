@@ -31,7 +31,9 @@ MOST_EVENTS = 10000
 def command(p: Record, s: Record, volts: float) -> None:
     """Have a command arrive at the valve [V]: saturation, map and hysteresis."""
     limit, play = p.valve_saturation_limit, p.valve_hysteresis_half_width
-    volts = physics.mapped(p, min(max(volts, -limit), limit))
+    volts = min(max(volts, -limit), limit)
+    if p.static_valve_map_at_ports == 0.0:
+        volts = physics.mapped(p, volts)
     s.target = min(max(s.target, volts - play), volts + play)
 
 

@@ -117,7 +117,8 @@ def small_signal(
     A, C = dynamics(c, steady), sensor(p, steady, position)
     K_L, omega_n, zeta = _equation_1(p, steady, A, C)
     B, C = add_lags(p, A, C)
-    worth = ValveMap(p).slope(steady.volts, steady.direction or steady.side)
+    valve_map = ValveMap(p)
+    worth = 1.0 if valve_map.at_ports else valve_map.slope(steady.volts, steady.direction or steady.side)
     keep = present(p)
     names = tuple(STATES[k] for k in keep)
     return SmallSignal(

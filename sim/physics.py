@@ -56,7 +56,7 @@ def cornered(p: Record, s: float, first: float, second: float, end: float) -> fl
 
 @compiled
 def mapped(p: Record, volts: float) -> float:
-    """What a command is worth by the valve's map [V]."""
+    """What a command, or what the spool opens, is worth by the valve's map [V]."""
     if p.static_valve_map_range == math.inf:
         return volts
     s = min(abs(volts) / p.static_valve_map_range, 1.0)
@@ -70,11 +70,13 @@ def opening(p: Record, spool: float) -> float:
     """What the spool [V] opens, in volts of an ideal symmetric valve."""
     from_centre = spool - p.null_shift_voltage
     overlap, ratio = p.valve_deadband_half_width, p.asymmetric_gain_ratio
-    if from_centre > overlap:
-        return (from_centre - overlap) * (1.0 + ratio)
-    if from_centre < -overlap:
-        return (from_centre + overlap) * (1.0 - ratio)
-    return 0.0
+    if abs(from_centre) <= overlap:
+        return 0.0
+    side = 1.0 if from_centre > 0.0 else -1.0
+    opened = from_centre - side * overlap
+    if p.static_valve_map_at_ports != 0.0:
+        opened = mapped(p, opened)
+    return opened * (1.0 + side * ratio)
 
 
 @compiled

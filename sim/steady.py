@@ -183,21 +183,28 @@ def _steady(c: Conditions, s: Steady, closed: bool, pushed: float) -> Steady:
 
 def _command(p: Mapping[str, float], opening: float, side: float, direction: float) -> float:
     """The command [V] that makes an opening on this side, come from the other side of its hysteresis."""
+    valve_map = ValveMap(p)
     beyond = opening / (1.0 + side * p["asymmetric_gain_ratio"])
+    if valve_map.at_ports:
+        beyond = valve_map.command(beyond)
     overlap = side * p["valve_deadband_half_width"] if opening or direction else 0.0
     worth = beyond + overlap + p["null_shift_voltage"] + direction * p["valve_hysteresis_half_width"]
-    return ValveMap(p).command(worth)
+    return worth if valve_map.at_ports else valve_map.command(worth)
 
 
 def _opening(p: Mapping[str, float], volts: float, direction: float) -> tuple[float, float]:
     """What a command opens [V], and the valve's side."""
     limit, overlap = p["valve_saturation_limit"], p["valve_deadband_half_width"]
-    worth = ValveMap(p).worth(min(max(volts, -limit), limit))
+    valve_map, worth = ValveMap(p), min(max(volts, -limit), limit)
+    if not valve_map.at_ports:
+        worth = valve_map.worth(worth)
     spool = worth - direction * p["valve_hysteresis_half_width"]
     from_centre = spool - p["null_shift_voltage"]
     side = _sign(from_centre or direction)
-    beyond = max(0.0, abs(from_centre) - overlap)
-    return side * beyond * (1.0 + side * p["asymmetric_gain_ratio"]), side
+    opened = side * max(0.0, abs(from_centre) - overlap)
+    if valve_map.at_ports:
+        opened = valve_map.worth(opened)
+    return opened * (1.0 + side * p["asymmetric_gain_ratio"]), side
 
 
 def _stall(c: Conditions, opening: float, side: float) -> float:

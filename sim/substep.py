@@ -10,6 +10,9 @@ from sim.compiled import Record, compiled
 HALVINGS = 43
 """Of a substep, until a spool's passing of an edge is located to 1e-13 of it."""
 
+PASSES = 0.05
+"""Of the range of a map of the ports, in one substep. Measured: without, a case of the tests is 1e-4 off."""
+
 
 @compiled
 def longest_substep(p: Record, s: Record, t: float) -> float:
@@ -42,6 +45,8 @@ def next_substep(p: Record, s: Record, left: float, longest: float) -> tuple[flo
         longest = min(longest, max(_within_orifice(p, s, longest), p.shortest * longest))
     if p.lugre_friction_stiffness > 0.0 and not physics.settled(p, s):
         longest = min(longest, _within_bristles(p, s, longest))
+    if p.static_valve_map_at_ports != 0.0 and physics.spool_moves(p):
+        longest = min(longest, _within_ports(p, s))
     longest = max(longest, 1e-9)
     pieces = math.ceil(left / longest - 1e-9)
     h = left / pieces if pieces > 1.0 else left
@@ -62,6 +67,16 @@ def _within_orifice(p: Record, s: Record, longest: float) -> float:
     rate = max(speed / math.sqrt(soft), (speed + abs(s.velocity)) / soft)
     quicker = p.omega_n * p.substep / longest
     return 0.5 * full / (quicker * quicker * rate)
+
+
+@compiled
+def _within_ports(p: Record, s: Record) -> float:
+    """Substep [s] in which the spool passes little of the map of its ports; inf where it has none."""
+    speed = abs(s.target - s.spool) / max(p.valve_lag_time, 1e-300)
+    if physics.swings(p):
+        speed = abs(s.spool_speed) + p.spool_inertia_omega * abs(s.target - s.spool)
+    speed = min(speed, p.valve_rate_limit_rate)
+    return PASSES * p.static_valve_map_range / (speed + 1e-300)
 
 
 @compiled
@@ -92,6 +107,7 @@ def _next_edge(p: Record, s: Record, h: float) -> float:
         if ramp > 1e-9 * p.valve_lag_time:
             nearest = ramp
     bent = p.valve_deadband_half_width > 0.0 or p.asymmetric_gain_ratio != 0.0
+    bent = bent or p.static_valve_map_at_ports != 0.0
     if not bent and p.square_root_flow_supply == math.inf:
         return nearest
     for side in (-1.0, 1.0):

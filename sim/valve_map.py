@@ -20,6 +20,10 @@ MOST_HALVINGS = 2000
 class ValveMap:
     """`static_valve_map` of a plant.
 
+    Attributes:
+        range: The command of its end [V].
+        at_ports: It acts on what the spool opens; else on commands. Below, "command" is either.
+
     Args:
         p: The kernel's parameters by name.
     """
@@ -27,6 +31,7 @@ class ValveMap:
     def __init__(self, p: Mapping[str, float]) -> None:
         of = {name: p[f"static_valve_map_{name}"] for name in (*MAP_BENDS, *MAP_TILTS, "range", "rounding")}
         self.range, self._rounding = of["range"], of["rounding"]
+        self.at_ports = p.get("static_valve_map_at_ports", 0.0) != 0.0
         self._at = (0.0, p["static_valve_map_knot_1"], p["static_valve_map_knot_2"], 1.0)
         self._bend = (0.0, *(of[name] for name in MAP_BENDS), 0.0)
         self._tilt = (0.0, *(of[name] for name in MAP_TILTS))

@@ -71,7 +71,11 @@ class Laws:
         return self.K_L * factor("K_L"), self.omega_n * factor("omega_n"), self.zeta * factor("zeta")
 
     def worth(self, volts):
-        """Of a command, by the valve's map: its slope is made of steps, each drawn out over its corner."""
+        """Of a command, where the valve's map is one of commands."""
+        return volts if self.of("static_valve_map", "at_ports") else self.mapped(volts)
+
+    def mapped(self, volts):
+        """By the valve's map: its slope is made of steps, each drawn out over its corner."""
         name, full = "static_valve_map", self.of("static_valve_map", "range")
         if math.isinf(full):
             return volts
@@ -102,6 +106,8 @@ class Laws:
         """Of the branch `side` of the overlap: -1, 0, 1."""
         e = spool - self.of("null_shift", "voltage")
         beyond = (e - side * self.of("valve_deadband", "half_width")) * abs(side)
+        if self.of("static_valve_map", "at_ports"):
+            beyond = self.mapped(beyond)
         return beyond * (1.0 + side * self.of("asymmetric_gain", "ratio"))
 
     def flow(self, gain, opened, side, acceleration):

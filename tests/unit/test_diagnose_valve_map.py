@@ -51,6 +51,32 @@ def test_a_gain_by_level_and_direction_is_named_with_its_map():
     assert np.max(np.abs(flow - true)) < 0.2 * np.max(np.abs(straight - true))
 
 
+def played(u, half_width):
+    """What a play lets through: it moves only when pushed."""
+    out, at = np.empty(len(u)), 0.0
+    for k, volts in enumerate(u):
+        at = out[k] = min(max(at, volts - half_width), volts + half_width)
+    return out
+
+
+def widening(u):
+    """Ports that open the wider the further they are open, as a parabola to either side."""
+    return u * (0.3 + 0.35 * np.abs(u))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at_ports", [True, False])
+def test_beside_a_hysteresis_it_is_told_whether_ports_or_commands_have_the_map(at_ports):
+    valve = (lambda u: widening(played(u, 0.3))) if at_ports else (lambda u: played(widening(u), 0.3))
+    told = told_of(valve, effort="quick")
+    effects = {one["name"]: one["parameters"] for one in told["effects"]}
+    assert (told["verdict"], set(effects)) == ("effects", {"static_valve_map", "valve_hysteresis"}), told
+    assert ("at_ports" in effects["static_valve_map"]) == at_ports
+    low, high = effects["valve_hysteresis"]["half_width"]["ci95"]
+    assert low < 0.3 < high
+    assert told["account"]["systematic"] == 0.0
+
+
 AT_THIRDS = {"knot_1": 1.0 / 3.0, "knot_2": 2.0 / 3.0, "rounding": 0.0}
 PARTS = ("bend_1", "bend_2", "tilt_1", "tilt_2", "tilt_3")
 SIMPLER = {

@@ -117,6 +117,30 @@ def test_effects_combine(pair, sees_speed):
     assert apart(ours(pair, sees_speed=sees_speed), truth(pair, sees_speed=sees_speed)) < 1e-5
 
 
+AT_PORTS = [
+    (),
+    ("valve_saturation",),
+    ("valve_hysteresis",),
+    ("valve_lag",),
+    ("valve_lag", "asymmetric_gain"),
+    ("spool_inertia",),
+    ("valve_rate_limit", "null_shift"),
+    ("valve_lag", "valve_deadband"),
+    ("valve_hysteresis", "valve_lag", "square_root_flow", "coulomb_friction"),
+]
+
+
+@pytest.mark.parametrize("names", AT_PORTS, ids="+".join)
+def test_a_map_of_the_ports_acts_on_what_the_spool_opens(names):
+    effects = chosen("static_valve_map", *names)
+    effects["static_valve_map"] = effects["static_valve_map"] | {"at_ports": 1.0}
+    found = follow(record(effects=effects), T_U, U, T, supply=SUPPLY, warmth=WARMTH)[0]
+    true = true_follow(Plant(K_L, OMEGA_N, ZETA, effects), T_U, U, T, SUPPLY, WARMTH)
+    assert apart(found, true) < 1e-5
+    differs = apart(found, ours(("static_valve_map", *names)))
+    assert differs > 1e-3 if set(names) - {"valve_saturation"} else differs < 1e-9
+
+
 def test_everything_at_once():
     names = [name for name in SINGLES if name != "lugre_friction"]
     assert apart(ours(names), truth(names)) < 1e-5

@@ -52,6 +52,19 @@ CASES = {
     "valve_saturation": Case({"valve_saturation": {"limit": 0.5}}, {"volts": 0.4}),
     "static_valve_map": Case({"static_valve_map": VALVE_MAP}, {"volts": -0.3}),
     "static_valve_map of a speed": Case({"static_valve_map": VALVE_MAP}, MOVING),
+    "static_valve_map of ports": Case(
+        {
+            "static_valve_map": VALVE_MAP | {"at_ports": 1.0},
+            "valve_lag": {"time": 4e-3},
+            "null_shift": {"voltage": 0.1},
+            "asymmetric_gain": {"ratio": 0.2},
+        },
+        MOVING,
+    ),
+    "static_valve_map of ports, held": Case(
+        {"static_valve_map": VALVE_MAP | {"at_ports": 1.0}, "valve_deadband": {"half_width": 0.05}},
+        {"volts": -0.3},
+    ),
     "valve_hysteresis": Case({"valve_hysteresis": {"half_width": 0.1}}, MOVING, amplitude=2e-4, ramp=0.1),
     "valve_lag": Case({"valve_lag": {"time": 4e-3}}),
     "spool_inertia": Case({"valve_lag": {"time": 4e-3}, "spool_inertia": {"omega": 300.0}}),

@@ -152,6 +152,20 @@ class Alike:
 
 
 @dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """Another place in the signal's way where a cause may act.
+
+    Attributes:
+        parameter: It is 1 there, and 0 at the usual place.
+        distinguished_by: Causes between both places, of which one must be in the set: without any both are
+            the same, and it is not asked.
+    """
+
+    parameter: str
+    distinguished_by: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Hidden:
     """A cause that two commands hide, as a change of the gain, and the next experiment that shows it.
 
@@ -228,6 +242,7 @@ class Cause:
         within: Brings its parameters, among all effects of a model, to what can be simulated.
         plain: Simpler causes that it contains.
         alike: Causes that act like it.
+        elsewhere: Another place where it may act; None: there is one alone.
         delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
         hidden: How two commands hide it; None: they do not.
         grid: How it is tried in the relay's grid; None: it is not.
@@ -252,6 +267,7 @@ class Cause:
     within: Callable[[Effects, Scales], None] | None = None
     plain: tuple[Plain, ...] = ()
     alike: tuple[Alike, ...] = ()
+    elsewhere: Elsewhere | None = None
     delays: bool = False
     hidden: Hidden | None = None
     grid: Grid | None = None

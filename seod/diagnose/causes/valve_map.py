@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.causes.record import Cause, Plain, linear, signed
+from seod.diagnose.causes.record import Cause, Elsewhere, Plain, linear, signed
 from seod.diagnose.causes.valve import LEAST_LIMIT
 from sim.effects import LEAST_BETWEEN_KNOTS, MAP_BENDS, MAP_TILTS
 
@@ -33,6 +33,9 @@ FIRST_KNOT, LAST_KNOT = 0.05, 0.95
 """A map's corners are searched between: commands nearer to 0 or to the end are too few to tell them."""
 LEVELS_OF_MAP: Final = 12
 """Different commands, more than which a map needs: two to each of its straight lines, to either side."""
+
+BEFORE_THE_PORTS: Final = frozenset({"valve_hysteresis", "valve_lag", "spool_inertia", "valve_rate_limit"})
+"""Causes between the command and the spool's ports: beside one of them it shows which of both a map is of."""
 
 
 def _worth(of: Mapping[str, float]) -> tuple[Array, Array, Array]:
@@ -155,6 +158,7 @@ STATIC_VALVE_MAP: Final = Cause(
         Plain("asymmetric_gain", becomes=_only_unequal, grows=_of_unequal, adds=False),
         Plain("null_shift", becomes=_only_shifted, adds=False),
     ),
+    elsewhere=Elsewhere("at_ports", BEFORE_THE_PORTS),
     mirrored=MAP_TILTS,
     figure=_off,
 )

@@ -37,6 +37,7 @@ class Model:
         fixed: Effects of the rig's model that stay as they are.
         sees_speed: The sensor sees the speed.
         accuracy: Of the simulation, see `sim.parameters`.
+        moved: Free effects that act at their other place (`causes.record.Elsewhere`).
     """
 
     scales: Scales
@@ -45,6 +46,7 @@ class Model:
     fixed: Mapping[str, Mapping[str, float]]
     sees_speed: bool
     accuracy: float = SUBSTEPS.search_accuracy
+    moved: frozenset[str] = frozenset()
 
     @property
     def states(self) -> list[int]:
@@ -86,6 +88,9 @@ class Model:
             within = CAUSES[name].within
             if within is not None:
                 within(free, self.scales)
+            place = CAUSES[name].elsewhere
+            if place is not None and name in self.moved:
+                free[name][place.parameter] = 1.0
         return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
 
     def record(self, x: Array) -> NDArray[np.void]:
@@ -122,12 +127,16 @@ class Model:
             return self
         return replace(self, coordinates=(replace(gain, scale=math.copysign(1.0, K_L)), *others))
 
+    def at_other_place(self, name: str) -> Model:
+        """The same with one of the free effects at its other place in the signal's way."""
+        return replace(self, moved=self.moved ^ {name})
+
     def without(self, name: str) -> Model:
         """The same without one of the free effects; with it go those that act only beside it."""
         gone = {name, *bound_to(name)}
         names = tuple(each for each in self.names if each not in gone)
         kept = tuple(c for c in self.coordinates if c.place.split(".")[0] not in gone)
-        return replace(self, names=names, coordinates=kept)
+        return replace(self, names=names, coordinates=kept, moved=self.moved - gone)
 
 
 def tolerance(

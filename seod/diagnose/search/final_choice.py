@@ -12,7 +12,7 @@ from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.noise_alone import in_its_noise, nothing_promised
-from seod.diagnose.search.prune import best_alike, plainer, thinned
+from seod.diagnose.search.prune import best_alike, best_placed, plainer, thinned
 from seod.diagnose.search.refine import refined, settled
 from seod.diagnose.search.whole_recordings import one_more, widened
 from seod.diagnose.starts.baseline import unchanged
@@ -68,6 +68,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
         over = screen.budget.looking()
         plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen, over)
         best, base = _least((best, *sets), screen), _least((base, plain), screen)
+        best = best_placed(best, held_out, screen)
         if hardly_settle(held_out):
             best = _climbed(best, held_out, screen, over)
         least = FINAL_CHOICE.misfit_gain

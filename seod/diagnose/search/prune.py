@@ -50,8 +50,16 @@ def _plainly(fitted: Fitted, rich: str, screen: Screen) -> list[Fitted]:
 
 def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
     """The set with whichever of effects that act alike fits best: which it is shows last of all."""
-    found = own.found
+    own, found = best_placed(own, held_out, screen), own.found
     others = [one for name in found.model.names for one in alike(found, name, screen)]
+    least = min((own.found, *others), key=lambda one: one.cost)
+    return own if least is own.found else Judged.of(least, held_out)
+
+
+def best_placed(own: Judged, held_out: Cut, screen: Screen) -> Judged:
+    """The set with effects at whichever of their places in the signal's way fits best."""
+    found = own.found
+    others = [one for name in found.model.names for one in _elsewhere(found, name, screen)]
     least = min((found, *others), key=lambda one: one.cost)
     return own if least is found else Judged.of(least, held_out)
 
@@ -66,6 +74,14 @@ def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
         and (not other.distinguished_by or not other.distinguished_by.isdisjoint(model.names))
     }
     return _in_place_of(name, others, fitted, screen)
+
+
+def _elsewhere(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
+    """The set with an effect at its other place, where that can be told from the usual one."""
+    model, other = fitted.model, CAUSES[name].elsewhere
+    if other is None or other.distinguished_by.isdisjoint(model.names):
+        return []
+    return [_fitted(model.at_other_place(name), model.values(fitted.x), fitted, screen)]
 
 
 def _in_place_of(
