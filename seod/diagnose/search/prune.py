@@ -11,6 +11,7 @@ from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, may_be_chance, reaches_null
+from seod.diagnose.search.beam import as_well
 from seod.diagnose.search.refine import refined
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.search import PRUNE
@@ -57,11 +58,11 @@ def best_alike(own: Judged, held_out: Cut, screen: Screen) -> Judged:
 
 
 def best_placed(own: Judged, held_out: Cut, screen: Screen) -> Judged:
-    """The set with effects at whichever of their places in the signal's way fits best."""
+    """The set with an effect at its other place in the signal's way, where it fits better there."""
     found = own.found
     others = [one for name in found.model.names for one in _elsewhere(found, name, screen)]
-    least = min((found, *others), key=lambda one: one.cost)
-    return own if least is found else Judged.of(least, held_out)
+    least = min(others, default=found, key=lambda one: one.cost)
+    return Judged.of(least, held_out) if least.cost < found.cost - as_well(found.cut) else own
 
 
 def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
