@@ -147,6 +147,21 @@ def test_each_has_a_model_that_can_be_simulated(name):
     assert list(model.without(CAUSES[name].needs or name).names) == []
 
 
+@pytest.mark.parametrize("name", [name for name in SEARCHED if CAUSES[name].elsewhere])
+def test_one_that_acts_elsewhere_too_is_simulated_there(name):
+    place = CAUSES[name].elsewhere
+    assert place.distinguished_by <= CAUSES.keys()
+    model = baseline_model(SIZES, 1.0, sees_speed=True, fixed={}).with_effect(name)
+    start = {"K_L": 1.0, "omega_n": 60.0, "zeta": 0.4} | group(name, SIZES).starts[0]
+    x = model.searched(start)
+    assert place.parameter not in model.effects(x)[name]
+    moved = model.at_other_place(name)
+    assert moved.effects(x)[name][place.parameter] == 1.0
+    assert moved.record(x)[f"{name}_{place.parameter}"] == 1.0
+    assert moved.at_other_place(name) == model
+    assert moved.without(name).moved == frozenset()
+
+
 def test_what_is_alike_is_alike_both_ways():
     for name, cause in CAUSES.items():
         for other in cause.alike:
