@@ -31,7 +31,7 @@ Hold = Literal["zero", "first"]
 """A command that holds until the next, or one that runs straight on to it."""
 Verdict = Literal["clean", "effects", "unexplained"]
 Grade = Literal["useless", "partly", "good_for_design", "down_to_noise"]
-Evidence = Literal["nothing", "repetition", "black box", "yardstick"]
+Evidence = Literal["nothing", "repetition", "black box", "movement", "yardstick"]
 """How a systematic part is known."""
 Effects = dict[str, dict[str, float]]
 """Values by effect and parameter, as `sim.parameters.parameters` takes them."""

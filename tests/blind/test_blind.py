@@ -239,3 +239,11 @@ def test_what_hardly_shows_is_told(tmp_path, number):
     case = draw(number, duration=SECONDS)
     told = told_of(case, tmp_path)
     assert outcome(case.kind, case.causes, told) == "exact", (case, told)
+
+
+def test_what_is_larger_as_the_load_moves_is_no_noise(tmp_path):
+    """Oil of another stiffness where the load is: no two moves are alike, so that it passes for gusts."""
+    case = draw(101834, duration=SECONDS)
+    assert (case.causes, case.excitation) == (("volume",), "operation")
+    told = told_of(case, tmp_path)
+    assert (told["verdict"], told["account"]["shown_by"]) == ("unexplained", "movement")

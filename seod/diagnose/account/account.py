@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.chance import usable
 from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.loop import answers
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
+from seod.diagnose.account.with_movement import comes_with_movement
 from seod.diagnose.account.yardstick import beaten, yardstick
 from seod.diagnose.fitting.initial_states import rings
 from seod.diagnose.fitting.noise_colour import NoiseColour, colour
@@ -65,8 +67,9 @@ def accounted(
     """Parts of the baseline's squared error over the windows held out, and what models without physics reach.
 
     The systematic part is the largest that is shown by what repeats with the command, by what a black box
-    foretells of windows that it has not seen, or by how much nearer ARX or NARX come: each is the least that
-    there is. Where much is left, and the first two would have shown nothing, less is asked of the third.
+    foretells of windows that it has not seen, by how much more is left where the load moves more, or by how
+    much nearer ARX or NARX come: each is the least that there is. Where much is left, and neither repetition
+    nor the black box would have shown anything, less is asked of ARX and NARX.
     Of a plant at an end of its range, or that rings through its windows, nobody can tell what it leaves.
 
     Args:
@@ -137,17 +140,31 @@ def systematic(
     tells = box is not None and (not swept or math.isfinite(box.detectable))
     asked = again is not None or tells
     total = mean_square([one for one in parts if one.held_out])
-    shown = Shown(
-        0.0, "nothing", NoiseColour((), 0.0, 1.0), asked, _detectable(again, box if asked else None, total)
-    )
-    rest: Sequence[WindowResidual] = parts
+    ways = [_Way(0.0, "nothing", parts), _moved(parts, every, plant, in_loop=in_loop)]
     if box is not None and box.share.significant:
-        shown = shown._replace(part=min(1.0, box.share.square / total), by="black box")
-        rest = box.rest
-    if again is not None and again.significant and again.square > shown.part * total:
-        shown = shown._replace(part=min(1.0, again.square / total), by="repetition")
-        rest = not_repeated(every, parts)
-    return shown._replace(noise=colour(rest), on_load=on_load(rest, plant))
+        ways.append(_Way(min(1.0, box.share.square / total), "black box", box.rest))
+    if again is not None and again.significant:
+        ways.append(_Way(min(1.0, again.square / total), "repetition", not_repeated(every, parts)))
+    part, by, rest = max(ways, key=lambda way: way.part)
+    detectable = _detectable(again, box if asked else None, total)
+    enters = None if by == "movement" else on_load(rest, plant)
+    return Shown(part, by, colour(rest), asked, detectable, enters)
+
+
+class _Way(NamedTuple):
+    """One way to see what is systematic: its part of the squared error, its name, and windows without it."""
+
+    part: float
+    by: Evidence
+    rest: Sequence[WindowResidual]
+
+
+def _moved(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool) -> _Way:
+    """By the movement, unless a sensor errs more as it moves."""
+    if any(one.errs_as_it_moves for one in every):
+        return _Way(0.0, "nothing", parts)
+    chance = SYSTEMATIC.chance_in_loop if in_loop else SYSTEMATIC.chance
+    return _Way(comes_with_movement(parts, plant, usable(colour(parts), parts), chance), "movement", parts)
 
 
 def _detectable(again: Share | None, box: Foretold | None, total: float) -> float:

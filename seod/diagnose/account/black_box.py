@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
-from scipy.stats import t as student
 
-from seod.diagnose.account.residual import compared, fewer_shown, mean_square
+from seod.diagnose.account.chance import limit, noises_like, usable
+from seod.diagnose.account.residual import compared, fewer_shown, horizon, mean_square
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
@@ -68,16 +68,11 @@ def foretold(
     if len(parts) < 2 or not any(one.held_out for one in parts):
         return None
     how = _How(swept, in_loop)
-    first = _foretold(parts, plant, _usable(colour(parts), parts), how)
+    first = _foretold(parts, plant, usable(colour(parts), parts), how)
     if mean_square(first.rest) >= mean_square(parts):
         return first
-    second = _foretold(parts, plant, _usable(colour(first.rest), parts), how)
+    second = _foretold(parts, plant, usable(colour(first.rest), parts), how)
     return max(first, second, key=lambda one: one.share.score - one.share.limit)
-
-
-def _usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
-    """White noise where a window has no row with all of its past."""
-    return noise if all(noise.has_past(one.scored).any() for one in parts) else WHITE
 
 
 class _How(NamedTuple):
@@ -99,7 +94,7 @@ class _How(NamedTuple):
 
 def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, how: _How) -> Foretold:
     sizes = sizes_of(parts)
-    asked = _Asked(_added(parts, plant, sizes), [_like(one, noise, k) for k, one in enumerate(parts)])
+    asked = _Asked(_added(parts, plant, sizes), [noises_like(one, noise, k) for k, one in enumerate(parts)])
     folds = _folds(parts, noise, swept=how.swept)
     products = []
     for w, one in enumerate(parts):
@@ -133,12 +128,6 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
         rest,
         _detectable([one.significant for one in others]),
     )
-
-
-def horizon(one: WindowResidual, plant: Plant) -> int:
-    """Rows of half a period of the plant; of an over-damped one of its slowest time constant."""
-    time = max(math.pi, 2.0 * plant.zeta) / plant.omega_n
-    return min(max(1, round(time / float(np.median(np.diff(one.t))))), len(one.t))
 
 
 def _of_all(share: Share, ahead: Sequence[Errors], plain: Sequence[Errors]) -> Share:
@@ -176,12 +165,6 @@ class _Asked(NamedTuple):
         return self.added, self.noises[window]
 
 
-def _like(one: WindowResidual, noise: NoiseColour, number: int) -> Array:
-    """Noise of the same colour in a window, drawn by its number; shape (n, noises)."""
-    random = np.random.default_rng(number)
-    return np.where(one.scored[:, None], noise.drawn(len(one.t), BLACK_BOX.noises, random), 0.0)
-
-
 def _left(parts: Sequence[WindowResidual], of: Sequence[Errors]) -> list[WindowResidual]:
     """Windows with what is not foretold of them."""
     pairs = zip(parts, of, strict=True)
@@ -199,15 +182,8 @@ def _shares(of: Sequence[Errors], asked: int, count: int, chance: float) -> list
     """Whether residuals are foretold better than noises of the same colour, which come last, would be."""
     last = len(of[0].before)
     noises = [_saved(of, k, count).score for k in range(last - BLACK_BOX.noises, last)]
-    limit = _limit(np.array(noises), chance)
-    return [replace(_saved(of, k, count), limit=limit) for k in range(asked)]
-
-
-def _limit(scores: Array, chance: float) -> float:
-    """Score that one more noise would reach with this probability, at least 0."""
-    count = len(scores)
-    spread = float(np.std(scores, ddof=1)) * math.sqrt(1.0 + 1.0 / count)
-    return max(0.0, float(np.mean(scores)) + float(student.ppf(1.0 - chance, count - 1)) * spread)
+    most = limit(np.array(noises), chance)
+    return [replace(_saved(of, k, count), limit=most) for k in range(asked)]
 
 
 def _saved(of: Sequence[Errors], k: int, count: int) -> Share:

@@ -72,6 +72,12 @@ class WindowResidual:
     held_out: bool
 
 
+def horizon(one: WindowResidual, plant: Plant) -> int:
+    """Rows of half a period of the plant; of an over-damped one of its slowest time constant."""
+    time = max(math.pi, 2.0 * plant.zeta) / plant.omega_n
+    return min(max(1, round(time / float(np.median(np.diff(one.t))))), len(one.t))
+
+
 def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
     """Of each window that a model has simulated; windows without a row that counts are left out."""
     out, error, scored = [], held.error, held.scored & held.sure

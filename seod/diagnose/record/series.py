@@ -51,6 +51,7 @@ class Series:
         held: Most rows repeat a reading, and are not `good`.
         timed: It is told when commands were given: by a column, or by the user.
         lead: By how many rows earlier than held from where they are recorded, on average, they are given.
+        late: Mean squared error of samples that were taken at other times than told [unit^2 of y].
     """
 
     t: Array
@@ -76,6 +77,12 @@ class Series:
     held: bool = False
     timed: bool = False
     lead: float = 0.0
+    late: float = 0.0
+
+    @property
+    def errs_as_it_moves(self) -> bool:
+        """Whether the sensor alone errs more where the load moves: by its steps, or by when it is read."""
+        return self.step > 0.0 or self.late > 0.0
 
     @property
     def runs_on(self) -> bool:
@@ -206,6 +213,7 @@ def series(
         drive=straight_on(t_u, u) if hold == "first" else (t_u, u),
         held=taken is not None,
         timed=hold is not None or (recording.t_u is not None and not np.array_equal(t_u, recording.t)),
+        late=late,
     )
 
 

@@ -31,6 +31,7 @@ SHOWN_BY: Final[dict[Evidence, str]] = {
     "nothing": "nothing",
     "repetition": "what repeats with the command",
     "black box": "a black box that foretells windows it has not seen",
+    "movement": "errors that are larger where the load moves more",
     "yardstick": "ARX or NARX, which come nearer",
 }
 OF_POSITION: Final = "(unit of position)"

@@ -81,6 +81,19 @@ BLACK_BOX: Final = BlackBox()
 
 
 @dataclass(frozen=True, slots=True)
+class WithMovement:
+    """Whether what is left is larger where the load moves more."""
+
+    fewest: int = 16
+    """[periods] That are compared, at least. Chosen."""
+    resting: float = 0.25
+    """[-] Part of the periods, those with the least movement, whose error is taken for noise. Chosen."""
+
+
+WITH_MOVEMENT: Final = WithMovement()
+
+
+@dataclass(frozen=True, slots=True)
 class Grade:
     """What a model is good for."""
 
