@@ -88,17 +88,18 @@ def test_what_windows_alone_gain_is_of_their_initial_states(monkeypatch, with_it
 
 @pytest.mark.usefixtures("no_chance")
 @pytest.mark.parametrize(
-    ("part", "adequacy", "leaves"),
+    ("part", "adequacy", "left", "leaves"),
     [
-        pytest.param(0.95, 50.0, True, id="beside a slow offset it saves little"),
-        pytest.param(1.05, 50.0, False, id="it saves more"),
-        pytest.param(0.95, 1.0, False, id="the sensor's noise is white"),
+        pytest.param(0.95, 50.0, 0.02, True, id="beside a slow offset it saves little"),
+        pytest.param(1.05, 50.0, 0.02, False, id="it saves more"),
+        pytest.param(0.95, 1.0, 0.02, False, id="the sensor's noise is white"),
+        pytest.param(0.95, 50.0, 1.1 * PRUNE.most_offset, False, id="no sensor's zero moves as far"),
     ],
 )
-def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part, adequacy, leaves):
+def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part, adequacy, left, leaves):
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
-    own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, 0.02)
+    own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, left)
     monkeypatch.setattr(prune, "part_beside_slow_offset", lambda *_: part * PRUNE.beside_slow_offset)
     assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
 

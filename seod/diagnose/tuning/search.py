@@ -137,6 +137,9 @@ class Prune:
     beside_slow_offset: float = 0.25
     """[-] Of the log squared error that an effect saves, the least that it saves beside an offset of the
     sensor that moves slowly. Measured: 0.003 where a wave or a null stood for one, 0.9 of a hysteresis."""
+    most_offset: float = 0.05
+    """[-] NRMSE of windows up to which a sensor's zero that moves slowly is looked for in it. Chosen: a
+    twentieth of the movement; what moves farther is the load. Measured: a constant load left 0.23."""
     far_off: float = 2.0
     """[-] NRMSE of one run of the whole recordings, over that of windows, beyond which it says nothing of an
     effect. Chosen: drift of a plant that integrates, or what has no name."""
