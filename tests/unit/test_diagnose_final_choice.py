@@ -30,8 +30,9 @@ def series(t, y, u, period_s=1.0, window_s=2.0):
     )
 
 
-def judged(held, whole, adequacy=50.0):
-    return SimpleNamespace(held=SimpleNamespace(rms=held, adequacy=adequacy), whole=whole)
+def judged(held, whole, adequacy=50.0, names=(), sees_speed=False):
+    found = SimpleNamespace(model=SimpleNamespace(names=names, sees_speed=sees_speed))
+    return SimpleNamespace(found=found, held=SimpleNamespace(rms=held, adequacy=adequacy), whole=whole)
 
 
 def test_a_set_that_simulates_worse_than_the_baseline_is_worse():
@@ -46,6 +47,21 @@ def test_a_baseline_no_nearer_to_the_whole_than_a_mean_is_no_measure_of_it():
     base = judged(0.13, 1.004)
     assert not worse(judged(0.04, 1.06), base)
     assert worse(judged(0.2, 0.5), base)
+
+
+@pytest.mark.parametrize(
+    ("name", "sees_speed", "is_worse"),
+    [
+        pytest.param("position_ripple", True, False, id="nobody measures where the load is"),
+        pytest.param("position_ripple", False, True, id="the readings tell it"),
+        pytest.param("periodic_disturbance", True, True, id="a time is told"),
+        pytest.param("coulomb_friction", True, True, id="no wave"),
+    ],
+)
+def test_a_wave_that_loses_its_place_in_one_run_is_not_worse_for_it(name, sees_speed, is_worse):
+    """A ripple left 1.8 % of windows in place of 5.7 %, and of one run under gusts as much as without."""
+    own = judged(0.018, 0.0569, names=(name,), sees_speed=sees_speed)
+    assert worse(own, judged(0.057, 0.0568)) is is_worse
 
 
 def test_of_a_coarse_sensor_only_what_lies_beyond_the_interval_of_a_reading_is_worse():

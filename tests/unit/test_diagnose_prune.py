@@ -15,10 +15,11 @@ from seod.diagnose.tuning.search import PRUNE
 SCREEN = SimpleNamespace(parallel=map)
 
 
-def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0):
+def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0, sees_speed=False):
     held = SimpleNamespace(nrmse=nrmse, log_error=cost if held is None else held, adequacy=adequacy)
     whole = nrmse if whole is None else whole
-    return SimpleNamespace(found=SimpleNamespace(cost=cost), held=held, whole=whole)
+    found = SimpleNamespace(cost=cost, model=SimpleNamespace(sees_speed=sees_speed))
+    return SimpleNamespace(found=found, held=held, whole=whole)
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def test_a_linear_interval_does_not_outweigh_what_an_effect_saves(monkeypatch, s
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: True)
     own, rest = judged(-3.0, 0.1), judged(-3.0 + saves)
-    assert (prune._unidentified(own, {"a": rest}, 1.0, SCREEN) == [rest]) is leaves
+    assert (prune._unidentified(own, {"load_spring": rest}, 1.0, SCREEN) == [rest]) is leaves
 
 
 @pytest.mark.usefixtures("no_chance")
@@ -49,7 +50,7 @@ def test_what_no_fit_has_seen_speaks_for_an_effect_too(monkeypatch, held, leaves
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: True)
     own = judged(-3.0, 0.1)
     rest = judged(-3.0 + 0.8 * PRUNE.surely, held=-3.0 + held * PRUNE.surely)
-    assert (prune._unidentified(own, {"a": rest}, 1.0, SCREEN) == [rest]) is leaves
+    assert (prune._unidentified(own, {"load_spring": rest}, 1.0, SCREEN) == [rest]) is leaves
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,17 @@ def test_what_windows_alone_gain_is_of_their_initial_states(monkeypatch, with_it
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
     own, rest = judged(-3.0, 0.01, whole=with_it), judged(-2.0, 0.02, whole=without)
-    assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
+    assert (prune._unidentified(own, {"load_spring": rest}, 0.01, SCREEN) == [rest]) is leaves
+
+
+@pytest.mark.usefixtures("no_chance")
+@pytest.mark.parametrize(("name", "leaves"), [("position_ripple", False), ("load_spring", True)])
+def test_one_run_says_nothing_of_a_wave_that_loses_its_place_in_it(monkeypatch, name, leaves):
+    """Of a speed nobody measures where the load is, and gusts move it off."""
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
+    own, rest = judged(-3.0, 0.01, whole=0.0305, sees_speed=True), judged(-2.0, 0.02, whole=0.03)
+    assert (prune._unidentified(own, {name: rest}, 0.01, SCREEN) == [rest]) is leaves
 
 
 @pytest.mark.usefixtures("no_chance")
@@ -101,7 +112,7 @@ def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
     own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, left)
     monkeypatch.setattr(prune, "part_beside_slow_offset", lambda *_: part * PRUNE.beside_slow_offset)
-    assert (prune._unidentified(own, {"a": rest}, 0.01, SCREEN) == [rest]) is leaves
+    assert (prune._unidentified(own, {"load_spring": rest}, 0.01, SCREEN) == [rest]) is leaves
 
 
 class WindowsHeldOut:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
+from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.held_out import HeldOut, simulate_held_out, wholes
 from seod.diagnose.fitting.initial_states import alike_states, carried_states
 
 if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array
 
@@ -33,6 +35,15 @@ class Judged:
     def whole(self) -> float:
         """NRMSE of one simulation of each whole recording."""
         return wholes(self.found.model, self.found.x, self.held.cut)[1]
+
+
+def loses_its_place(model: Model, name: str) -> bool:
+    """Whether an effect is a wave over a place that nobody measures.
+
+    In one run the load drifts off it, and the wave does harm. A window has a place of its own to begin from.
+    """
+    wave = CAUSES[name].wave
+    return model.sees_speed and wave is not None and wave.over == "place"
 
 
 def known_states(fitted: Fitted, cut: Cut) -> list[Array]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.fitting.judged import Judged
+from seod.diagnose.fitting.judged import Judged, loses_its_place
 from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
 from seod.diagnose.search.noise_alone import in_its_noise, nothing_promised
@@ -171,11 +171,14 @@ def worse(judged: Judged, base: Judged) -> bool:
     """Whether a set simulates windows held out, or the whole recording, worse than the baseline.
 
     One that leaves the noise alone may: over a whole recording a plant that integrates drifts by chance. And
-    a baseline that is no nearer to the whole than a mean says nothing of it.
+    a baseline that is no nearer to the whole than a mean says nothing of it, nor a wave that loses its place.
     """
     if judged.held.rms > base.held.rms:
         return True
-    return judged.held.adequacy > HELD_OUT.adequate and base.whole < 1.0 and judged.whole > base.whole
+    if judged.held.adequacy <= HELD_OUT.adequate or base.whole >= 1.0 or judged.whole <= base.whole:
+        return False
+    model = judged.found.model
+    return not any(loses_its_place(model, name) for name in model.names)
 
 
 def _least(some: Sequence[Judged], screen: Screen) -> Judged:

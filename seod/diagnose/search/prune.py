@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seod.diagnose.causes.table import CAUSES, further_causes
 from seod.diagnose.fitting.beside import part_beside_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
-from seod.diagnose.fitting.judged import Judged, gain, mean_gain
+from seod.diagnose.fitting.judged import Judged, gain, loses_its_place, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.fitting.uncertainty import covariance, may_be_chance, reaches_null
 from seod.diagnose.search.beam import as_well
@@ -159,7 +159,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen:
         if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
         or (_may_be_none(own, name, spread) and not _much(one, own))
         or _gains_by_chance(own, name, one)
-        or _in_windows_alone(own, one)
+        or (not loses_its_place(own.found.model, name) and _in_windows_alone(own, one))
         or _moves_as_slowly_as_an_offset(own, one, screen)
     ]
 
