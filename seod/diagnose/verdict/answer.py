@@ -365,7 +365,8 @@ def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) 
     for k, defects in enumerate(checked):
         rows = defects.off.tolist()
         simulated = _by_row(held, k, rows) | _by_row(fitted, k, rows)
-        for each in defects.confirmed(_late_error(held, k), simulated, held.cut.series[k].noise):
+        left = _left_of(k, held, fitted)
+        for each in defects.confirmed(left, simulated, held.cut.series[k].noise):
             out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
         if defects.coarse is not None and defects.coarse.name not in out:
             out[defects.coarse.name] = _rounded(defects.coarse, defects.step, held)
@@ -380,9 +381,17 @@ def _by_row(held: HeldOut, file: int, rows: Sequence[int]) -> dict[int, float]:
     return out
 
 
-def _late_error(held: HeldOut, file: int) -> float:
-    """Mean squared error of a recording's windows held out; infinite where it has none."""
-    own = [square for square, (k, _, _) in zip(held.square, held.cut.windows, strict=True) if k == file]
+def _left_of(file: int, *parts: HeldOut) -> float:
+    """Mean squared error of a recording's windows; infinite where it has none.
+
+    Of all of them: late samples err where the signal is steep, which windows held out alone may not be.
+    """
+    own = [
+        square
+        for one in parts
+        for square, (k, _, _) in zip(one.square, one.cut.windows, strict=True)
+        if k == file
+    ]
     return float(np.mean(own)) if own else math.inf
 
 
