@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.account.black_box import foretold
-from seod.diagnose.account.chance import usable
+from seod.diagnose.account.chance import may_pass, usable
 from seod.diagnose.account.load_noise import on_load
 from seod.diagnose.account.loop import answers
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
@@ -163,8 +163,8 @@ def _moved(parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plan
     """By the movement, unless a sensor errs more as it moves."""
     if any(one.errs_as_it_moves for one in every):
         return _Way(0.0, "nothing", parts)
-    chance = SYSTEMATIC.chance_in_loop if in_loop else SYSTEMATIC.chance
-    return _Way(comes_with_movement(parts, plant, usable(colour(parts), parts), chance), "movement", parts)
+    noise = usable(colour(parts), parts)
+    return _Way(comes_with_movement(parts, plant, noise, may_pass(in_loop=in_loop)), "movement", parts)
 
 
 def _detectable(again: Share | None, box: Foretold | None, total: float) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from seod.diagnose.account.chance import limit, noises_like, usable
+from seod.diagnose.account.chance import limit, may_pass, noises_like, usable
 from seod.diagnose.account.residual import compared, fewer_shown, horizon, mean_square
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
 from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
@@ -89,7 +89,7 @@ class _How(NamedTuple):
     @property
     def chance(self) -> float:
         """Probability with which noise alone may pass."""
-        return SYSTEMATIC.chance_in_loop if self.in_loop else SYSTEMATIC.chance
+        return may_pass(in_loop=self.in_loop)
 
 
 def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour, how: _How) -> Foretold:

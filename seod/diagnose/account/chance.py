@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.fitting.noise_colour import WHITE
-from seod.diagnose.tuning.account import BLACK_BOX
+from seod.diagnose.tuning.account import BLACK_BOX, SYSTEMATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.fitting.noise_colour import NoiseColour
     from seod.diagnose.result import Array
+
+
+def may_pass(*, in_loop: bool) -> float:
+    """Probability with which noise alone may pass for something systematic."""
+    return SYSTEMATIC.chance_in_loop if in_loop else SYSTEMATIC.chance
 
 
 def usable(noise: NoiseColour, parts: Sequence[WindowResidual]) -> NoiseColour:
