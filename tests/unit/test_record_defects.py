@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from seod.diagnose.record.defects import examine
 from seod.diagnose.record.fourth_differences import slopes
 from seod.diagnose.record.sensor_step import counts
 from seod.diagnose.record.timing_jitter import _line
-from seod.diagnose.verdict.answer import _left_of
 from sim.defects import jittered, missing_samples, outliers
 
 NOISE = 0.01
@@ -171,36 +169,55 @@ def test_samples_that_would_change_places_are_not_late(deviation, names):
     assert [each.name for each in found.found] == names
 
 
-def test_a_model_that_leaves_less_than_late_samples_would_have_takes_the_jitter_back():
-    taken = jittered(T, 2.5e-4, np.random.default_rng(50))
-    found = examine(recording(movement(6.0 * taken) + noisy(1) - movement(T)))
-    due = NOISE**2 + 2.5e-4**2 * np.mean(np.gradient(movement(6.0 * T), T) ** 2)
-    assert found.late == pytest.approx(due, rel=0.1)
-    assert [each.name for each in found.confirmed(due, {}, NOISE)] == ["timing_jitter"]
-    assert found.confirmed(0.7 * due, {}, NOISE) == ()
+def late_samples(random):
+    """Readings of late samples, and what the load does at the times that they tell."""
+    taken = jittered(T, 2.5e-4, random)
+    return movement(6.0 * taken) + noisy(1) - movement(T), movement(6.0 * T)
 
 
-def test_what_late_samples_are_held_against_is_of_all_windows():
-    """They err where the signal is steep: in 101205 windows held out had 27 % less of it than all rows."""
-    held, fitted = (
-        SimpleNamespace(square=square, cut=SimpleNamespace(windows=windows))
-        for square, windows in (([1.0, 9.0], [(0, 0, 10), (1, 0, 10)]), ([5.0], [(0, 10, 20)]))
-    )
-    assert _left_of(0, held, fitted) == 3.0
-    assert _left_of(2, held, fitted) == math.inf
+@pytest.mark.parametrize("slow", [0.0, 40.0 * NOISE])
+def test_a_model_that_follows_late_samples_takes_the_jitter_back(slow):
+    """Whatever else it leaves: a slow error is none of single samples."""
+    y, moves = late_samples(np.random.default_rng(50))
+    off = slow * np.sin(T)
+    found = examine(recording(y))
+    assert [each.name for each in found.confirmed(T, y, moves + off)] == ["timing_jitter"]
+    follows = y - noisy(1) + movement(T)
+    assert found.confirmed(T, y, follows + off) == ()
+    some = np.where(0.5 * T[-1] > T, follows, np.nan)
+    assert found.confirmed(T, y, some + off) == (), "of half of the rows"
 
 
-def test_a_model_that_reads_what_outliers_do_takes_them_back():
+def test_a_model_that_was_not_asked_takes_nothing_back():
+    y, _ = late_samples(np.random.default_rng(50))
+    found = examine(recording(y))
+    assert found.confirmed(T, y, np.full(len(T), np.nan)) == found.found != ()
+
+
+@pytest.mark.parametrize("slow", [0.0, 40.0 * NOISE])
+def test_a_model_that_moves_as_outliers_do_takes_them_back(slow):
     off = outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
     y = noisy() + off
     found = examine(recording(y))
-    rows = found.off.tolist()
-    assert rows
-    assert np.array_equal(found.readings, y[rows])
-    moves = {row: movement(T)[row] for row in rows}
-    assert [each.name for each in found.confirmed(NOISE**2, moves, NOISE)] == ["outliers"]
-    assert [each.name for each in found.confirmed(NOISE**2, {}, NOISE)] == ["outliers"]
-    assert found.confirmed(NOISE**2, {row: y[row] + NOISE for row in rows}, NOISE) == ()
+    assert len(found.off)
+    assert np.array_equal(found.readings, y[found.off])
+    believed = y.copy()
+    believed[found.off] = np.nan
+    wrong = slow * np.sin(T)
+    assert [each.name for each in found.confirmed(T, believed, movement(T) + wrong)] == ["outliers"]
+    assert found.confirmed(T, believed, movement(T) + off + wrong) == ()
+
+
+def test_each_defect_is_asked_of_what_a_model_leaves_by_itself():
+    late, moves = late_samples(np.random.default_rng(50))
+    y = late + outliers(len(T), 0.01, 0.3, np.random.default_rng(3))
+    found = examine(recording(y))
+    believed = y.copy()
+    believed[found.off] = np.nan
+    follows = late - noisy(1) + movement(T)
+    assert {each.name for each in found.confirmed(T, believed, moves)} == {"outliers", "timing_jitter"}
+    assert [each.name for each in found.confirmed(T, believed, follows)] == ["outliers"]
+    assert [each.name for each in found.confirmed(T, believed, moves + y - late)] == ["timing_jitter"]
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 1e40])

@@ -11,9 +11,9 @@ import numpy as np
 from seod.diagnose.record.column_checks import column_remarks
 from seod.diagnose.record.fourth_differences import stencils
 from seod.diagnose.record.held_readings import held_readings
-from seod.diagnose.record.outliers import outliers
+from seod.diagnose.record.outliers import outliers, remaining_outliers
 from seod.diagnose.record.sensor_step import Counts, counts
-from seod.diagnose.record.timing_jitter import Jitter, timing_jitter
+from seod.diagnose.record.timing_jitter import Jitter, remaining_jitter, timing_jitter
 from seod.diagnose.result import SD_OF_95, Parameter
 from seod.diagnose.tuning.record import DEFECTS
 from sim.effects import EFFECTS
@@ -90,28 +90,38 @@ class Defects:
         """Whether single readings are far off."""
         return any(each.name == "outliers" for each in self.found)
 
-    def confirmed(self, left: float, simulated: Mapping[int, float], noise: float) -> tuple[Defect, ...]:
-        """Those that agree with a model.
+    def confirmed(self, t: Array, y: Array, simulated: Array) -> tuple[Defect, ...]:
+        """Those that a model leaves as they are.
 
-        Late samples are none where its simulation leaves less than they would: they were corners of the
-        signal. Outliers are none where it reads at most of them what they do: the plant moves like that.
+        A corner or a jump of the signal looks like an outlier, and many like late samples; a model that
+        moves like that leaves less of them, whatever else it leaves.
 
         Args:
-            left: Mean squared error of its simulation [unit^2 of y].
-            simulated: Its readings by row, as far as there are any [unit of y].
-            noise: Standard deviation of the samples [unit of y].
+            t: Times of samples [s], shape (n,).
+            y: Samples, NaN where there is none to believe, shape (n,).
+            simulated: The model's readings, NaN where it was not asked, shape (n,).
         """
-        none = set()
-        if left < DEFECTS.contradicted * self.late:
-            none.add("timing_jitter")
-        near = [
-            abs(simulated[row] - y) < DEFECTS.reads_alike * noise
-            for row, y in zip(self.off.tolist(), self.readings.tolist(), strict=True)
-            if row in simulated
-        ]
-        if near and 2 * sum(near) > len(near):
-            none.add("outliers")
-        return tuple(each for each in self.found if each.name not in none)
+        left = {"outliers": self._outliers_left, "timing_jitter": self._jitter_left}
+        gone = [name for name, part in left.items() if part(t, y, simulated) < DEFECTS.remains]
+        return tuple(each for each in self.found if each.name not in gone)
+
+    def _outliers_left(self, t: Array, y: Array, simulated: Array) -> float:
+        """Part of the outliers that is left by a model; 1 where it was asked of none."""
+        y = y.copy()
+        y[self.off] = self.readings
+        rows = np.flatnonzero(np.isfinite(y - simulated))
+        if len(rows) < DEFECTS.fewest_samples:
+            return 1.0
+        return remaining_outliers(stencils(t, y, rows), stencils(t, y - simulated, rows), self.off)
+
+    def _jitter_left(self, t: Array, y: Array, simulated: Array) -> float:
+        """Part of the variance of the samples' times that is left by a model, in rows without outliers."""
+        told = next((each for each in self.found if each.name == "timing_jitter"), None)
+        rows = np.flatnonzero(np.isfinite(y - simulated))
+        if told is None or len(rows) < DEFECTS.fewest_samples:
+            return 1.0
+        left = remaining_jitter(stencils(t, y - simulated, rows), t[rows], y[rows])
+        return left / told.parameters["deviation"].value ** 2
 
 
 def examine(recording: Recording) -> Defects:

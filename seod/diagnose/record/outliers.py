@@ -61,6 +61,17 @@ def outliers(stencils: Stencils, noise: Array) -> Outliers:
     return Outliers(rows, {"rate": rate, "size": size}, ends, _IMPOSSIBLE)
 
 
+def remaining_outliers(seen: Stencils, rest: Stencils, off: Rows) -> float:
+    """Part of the outliers in the rows `off` that is in what a model leaves, too; 1 where it was not asked.
+
+    Both stencils are of the same rows: of the readings, and of these less the model's.
+    """
+    there = np.isin(seen.middle, off) & seen.usable
+    errors, left = seen.difference[there], rest.difference[there]
+    square = float(errors @ errors)
+    return float(errors @ left) / square if square > 0.0 else 1.0
+
+
 def _unbent(stencils: Stencils, far: Rows) -> Rows:
     """Of samples far off those that an error of their own explains better than a corner or a jump."""
     kept = [far[:0]]

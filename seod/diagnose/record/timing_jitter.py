@@ -37,9 +37,8 @@ def timing_jitter(stencils: Stencils, t: Array, y: Array) -> Jitter:
 
     The mean squared fourth difference is 70 (noise^2 + deviation^2 slope^2): a line over the squared slope.
     """
-    slope = np.lib.stride_tricks.sliding_window_view(slopes(t, y) ** 2, 5)
-    steep = np.sum(stencils.weights**2 * slope, axis=1) / NORM**2
-    steepness, square = steep[stencils.usable], stencils.difference[stencils.usable] ** 2 / NORM**2
+    steep = _steepness(stencils, t, y)
+    steepness, square = steep[stencils.usable], _squares(stencils)
     scale = float(np.mean(steepness)) if len(steepness) else 0.0
     if len(square) < TIMING_JITTER.fewest_differences or scale == 0.0:
         return Jitter()
@@ -55,6 +54,27 @@ def timing_jitter(stencils: Stencils, t: Array, y: Array) -> Jitter:
     low, high = (math.sqrt(max(0.0, growth + side * SD_OF_95 * sd) / scale) for side in (-1.0, 1.0))
     p_value = math.erfc(min(growth / sd, 37.0) / math.sqrt(2.0))
     return Jitter(deviation, (low, high), p_value, level, steep)
+
+
+def remaining_jitter(rest: Stencils, t: Array, y: Array) -> float:
+    """Variance of the samples' times [s^2] by what a model leaves of the samples `y` at the times `t` [s].
+
+    Both are of shape (n,), and `rest` are the stencils of what is left.
+    """
+    steepness = _steepness(rest, t, y)[rest.usable]
+    scale = float(np.mean(steepness)) if len(steepness) else 0.0
+    return _line(steepness / scale, _squares(rest))[1] / scale if scale > 0.0 else 0.0
+
+
+def _steepness(stencils: Stencils, t: Array, y: Array) -> Array:
+    """Squared slope of the samples of each stencil, as they weigh in it; shape (m,)."""
+    slope = np.lib.stride_tricks.sliding_window_view(slopes(t, y) ** 2, 5)
+    return np.asarray(np.sum(stencils.weights**2 * slope, axis=1) / NORM**2)
+
+
+def _squares(stencils: Stencils) -> Array:
+    """Squared error of a sample by each usable stencil."""
+    return np.asarray(stencils.difference[stencils.usable] ** 2 / NORM**2)
 
 
 def _line(x: Array, square: Array) -> tuple[float, float, float]:

@@ -248,11 +248,9 @@ class Defects:
     absurd: float = 1e9
     """[-] Times the spread of nearly all readings beyond which one is none: its square may not be a
     number. Chosen."""
-    contradicted: float = 0.85
-    """[-] Mean squared error of a simulation over what late samples would have, below which they are
-    none. Chosen."""
-    reads_alike: float = 5.0
-    """[sd] Of the noise, within which a simulation reads what a sample does. Chosen."""
+    remains: float = 0.5
+    """[-] Part of a defect that must be in what a model leaves, too: else the model moves like that. Chosen:
+    half."""
     clipped_readings: int = 4
     """[rows] In a row that stand at the end of the range. Chosen."""
     clipped_step: float = 3.0

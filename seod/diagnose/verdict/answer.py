@@ -363,36 +363,23 @@ def _record_effects(checked: Sequence[Defects], held: HeldOut, fitted: HeldOut) 
     out: dict[str, FoundEffect] = {}
     same = Gain(held.nrmse, held.nrmse)
     for k, defects in enumerate(checked):
-        rows = defects.off.tolist()
-        simulated = _by_row(held, k, rows) | _by_row(fitted, k, rows)
-        left = _left_of(k, held, fitted)
-        for each in defects.confirmed(left, simulated, held.cut.series[k].noise):
+        one = held.cut.series[k]
+        measured = np.where(one.good, one.y, np.nan)
+        for each in defects.confirmed(one.t, measured, _by_row(k, held, fitted)):
             out.setdefault(each.name, FoundEffect(each.name, each.parameters, same, each.p_value))
         if defects.coarse is not None and defects.coarse.name not in out:
             out[defects.coarse.name] = _rounded(defects.coarse, defects.step, held)
     return list(out.values())
 
 
-def _by_row(held: HeldOut, file: int, rows: Sequence[int]) -> dict[int, float]:
-    """Simulated readings of some rows of a recording, as far as they are in its windows."""
-    out: dict[int, float] = {}
-    for (k, first, last), scored in zip(held.cut.windows, held.cut.slices, strict=True):
-        out |= {row: held.simulated[scored][row - first] for row in rows if k == file and first <= row < last}
+def _by_row(file: int, *parts: HeldOut) -> Array:
+    """Simulated readings of a recording, NaN in rows of no window; shape (n,)."""
+    out = np.full(len(parts[0].cut.series[file].t), np.nan)
+    for one in parts:
+        for (k, first, last), inside in zip(one.cut.windows, one.cut.slices, strict=True):
+            if k == file:
+                out[first:last] = one.simulated[inside]
     return out
-
-
-def _left_of(file: int, *parts: HeldOut) -> float:
-    """Mean squared error of a recording's windows; infinite where it has none.
-
-    Of all of them: late samples err where the signal is steep, which windows held out alone may not be.
-    """
-    own = [
-        square
-        for one in parts
-        for square, (k, _, _) in zip(one.square, one.cut.windows, strict=True)
-        if k == file
-    ]
-    return float(np.mean(own)) if own else math.inf
 
 
 def _rounded(coarse: Defect, step: float, held: HeldOut) -> FoundEffect:
