@@ -11,7 +11,7 @@ from seod.data import Recording
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
-from seod.diagnose.fitting.switch_times import switch_times
+from seod.diagnose.fitting.switch_times import _Search, switch_times
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
@@ -23,19 +23,19 @@ K_L, OMEGA_N, ZETA = 2.0, 12.0, 0.6
 ROWS_HZ, SECONDS, NOISE = 100.0, 20.0, 1e-3
 
 
-def relayed(finer, spring=0.0, late=0):
+def relayed(finer, spring=0.0, late=0, push=0.0, noise=NOISE):
     """Rows of a relay that switches `finer` times a row, and by how many rows earlier it switched.
 
     The plant by its transition matrix, apart from the simulation under test.
     """
     tick = 1.0 / (finer * ROWS_HZ)
-    rates = np.zeros((4, 4))  # position, speed, acceleration by the oil, command
+    rates = np.zeros((5, 5))  # position, speed, acceleration by the oil, command, 1
     rates[0, 1] = rates[1, 2] = 1.0
-    rates[1, 0] = -spring
-    rates[2, 1:] = -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N, K_L * OMEGA_N**2
+    rates[1, 0], rates[1, 4] = -spring, push
+    rates[2, 1:4] = -(OMEGA_N**2), -2.0 * ZETA * OMEGA_N, K_L * OMEGA_N**2
     step = expm(rates * tick)
     count = int(finer * ROWS_HZ * SECONDS)
-    y, u, x, volts = np.zeros(count), np.zeros(count), np.zeros(4), 1.0
+    y, u, x, volts = np.zeros(count), np.zeros(count), np.r_[0.0, 0.0, 0.0, 0.0, 1.0], 1.0
     for k in range(count):
         y[k] = x[0]
         if volts * (x[0] - 0.05 * np.sin(1.7 * k * tick)) > 0.003:
@@ -47,16 +47,16 @@ def relayed(finer, spring=0.0, late=0):
     switched = np.flatnonzero(np.diff(u)) + 1
     recorded = np.flatnonzero(np.diff(seen)) + 1
     leads = recorded - switched[: len(recorded)] / finer
-    noise = NOISE * np.std(y) * np.random.default_rng(5).normal(size=len(rows))
-    return rows * tick, seen, y[rows] + noise, leads
+    errors = noise * np.std(y) * np.random.default_rng(5).normal(size=len(rows))
+    return rows * tick, seen, y[rows] + errors, leads
 
 
 def recorded(t, u, y, t_u=None):
     return Recording((Path("relay.csv"),), t, u, y, t_u, None, None, np.arange(1, len(t) + 1), {}, {}, ())
 
 
-def asked(t, u, y, damping=ZETA, t_u=None, stiff=None):
-    """What is told of the record's switches, from a fit of Eq. 1, and of one beside a spring as stiff."""
+def fits(t, u, y, damping=ZETA, t_u=None, **beside):
+    """A record's windows, and fits of Eq. 1 and of one beside an effect that begins at a number."""
     one = series(recorded(t, u, y, t_u))
     to_fit, _ = cut([one])
     model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, {})
@@ -64,12 +64,19 @@ def asked(t, u, y, damping=ZETA, t_u=None, stiff=None):
     x = model.searched({"K_L": K_L * damping / ZETA, "omega_n": OMEGA_N, "zeta": damping})
     plain = fit(model, small, x, begun_states(model, x, small))
     sets = [plain]
-    if stiff is not None:
-        beside = replace(model, scales=scales(plain, small)).with_effect("load_spring")
-        values = {each.place: 0.0 for each in beside.coordinates}
-        x = beside.searched(values | model.values(plain.x) | {"load_spring.stiffness": stiff})
-        sets.append(fit(beside, small, x, begun_states(beside, x, small)))
-    return switch_times(sets, Cut([one], whole_windows([one])), map)
+    for place, value in beside.items():
+        name, _, number = place.partition("__")
+        richer = replace(model, scales=scales(plain, small)).with_effect(name)
+        values = {each.place: 0.0 for each in richer.coordinates}
+        x = richer.searched(values | model.values(plain.x) | {f"{name}.{number}": value})
+        sets.append(fit(richer, small, x, begun_states(richer, x, small)))
+    return Cut([one], whole_windows([one])), sets
+
+
+def asked(*args, **beside):
+    """What is told of the record's switches by these fits."""
+    windows, sets = fits(*args, **beside)
+    return switch_times(sets, windows, map)
 
 
 @pytest.mark.parametrize(("finer", "late"), [(4, 0), (8, 3)])
@@ -96,7 +103,7 @@ def test_switches_that_were_given_at_rows_keep_their_times(spring):
 
 def test_an_effect_that_is_none_does_not_bend_the_times():
     t, u, y, true = relayed(4)
-    plain, both = asked(t, u, y, 0.15), asked(t, u, y, 0.15, stiff=60.0)
+    plain, both = asked(t, u, y, 0.15), asked(t, u, y, 0.15, load_spring__stiffness=60.0)
     assert np.array_equal(plain.leads[0], both.leads[0])
     assert np.median(np.abs(plain.leads[0] - true)) < 0.03
 
@@ -104,8 +111,30 @@ def test_an_effect_that_is_none_does_not_bend_the_times():
 def test_an_effect_that_the_plant_has_is_needed_to_tell_the_times():
     t, u, y, true = relayed(4, spring=40.0)
     assert asked(t, u, y) is None
-    both = asked(t, u, y, stiff=30.0)
+    both = asked(t, u, y, load_spring__stiffness=30.0)
     assert np.median(np.abs(both.leads[0] - true)) < 0.03
+
+
+def test_a_load_that_pushes_is_no_difference_of_switches_up_and_down():
+    """Times do as much as a small load, but who looks at commands does not see which way they go."""
+    t, u, y, true = relayed(4, push=0.2, noise=0.02)
+    bent, told = asked(t, u, y), asked(t, u, y, load_bias__acceleration=0.15)
+    assert np.median(np.abs(bent.leads[0] - true)) > 0.1
+    assert np.median(np.abs(told.leads[0] - true)) < 0.05
+
+
+def test_a_set_that_came_to_no_plant_begins_again_from_the_one_that_errs_least():
+    t, u, y, true = relayed(4)
+    windows, (plain,) = fits(t, u, y)
+    search = _Search(fitted_windows(windows), map)
+    best, _ = search.run(plain)
+    model = plain.model.with_effect("load_bias")
+    far = {"K_L": 0.01, "omega_n": 1.0, "zeta": 0.001, "load_bias.acceleration": 0.0}
+    stuck, parts = search.run(replace(plain, model=model, x=model.searched(far)))
+    nearest, _ = search.nearest((stuck, parts), best)
+    assert stuck.fitted.cost > best.fitted.cost + 1.0
+    assert nearest.fitted.cost < best.fitted.cost + 0.02
+    assert np.median(np.abs(nearest.leads[0] - true)) < 0.03
 
 
 def test_what_is_told_is_not_asked():

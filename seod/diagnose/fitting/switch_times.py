@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -64,8 +64,9 @@ class SwitchTimes(NamedTuple):
 def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) -> SwitchTimes | None:
     """When the switches in windows were given; None where that is told, or where two times do as well.
 
-    By the first of the sets that errs, with its own times, about as little as any of them: an effect that is
-    none bends the times to what it needs.
+    By the first of the sets that errs, with its own times, about as little as any of them, and that has
+    switches up no later than switches down: an effect that is none bends the times to what it needs, and one
+    that is missing does.
 
     Args:
         sets: Fitted to some of the windows, those with fewer effects first.
@@ -78,8 +79,11 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
     ended = list(parallel(search.run, sets))
-    least = min(at.fitted.cost for at, _ in ended)
-    at, parts = next(one for one in ended if one[0].fitted.cost <= least + SWITCH_TIMES.alike)
+    least = min((at for at, _ in ended), key=lambda at: at.fitted.cost)
+    ended = list(parallel(lambda one: search.nearest(one, least), ended))
+    most = least.fitted.cost + SWITCH_TIMES.alike
+    alike = [one for one in ended if one[0].fitted.cost <= most]
+    at, parts = next((one for one in alike if search.both_ways(one[0].leads)), alike[0])
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
     return SwitchTimes(at.leads) if believed else None
@@ -124,6 +128,9 @@ class _Solved(NamedTuple):
     evidence: float
 
 
+_Ended: TypeAlias = tuple[_At, _Linear]
+
+
 class _Search:
     """What is the same in all rounds: windows, switches in each, the deviation of their leads [rows]."""
 
@@ -133,10 +140,25 @@ class _Search:
         self.most = max(len(each) for each in self.own)
         self.deviation = SWITCH_TIMES.unsure * max(switch_look(one) for one in cut.series)
 
-    def run(self, fitted: Fitted) -> tuple[_At, _Linear]:
+    def run(self, fitted: Fitted) -> _Ended:
         """A set with the times and numbers that it comes to from commands as recorded."""
         recorded = [np.full(len(switches(one)), one.lead) for one in self.cut.series]
-        at = self.fitted(fitted, recorded)
+        return self.ended(self.fitted(fitted, recorded))
+
+    def nearest(self, ended: _Ended, least: _At) -> _Ended:
+        """A set as it is, or as it is from the times and numbers of the set that errs least, if less so.
+
+        From as recorded a set may not come to the plant, which a limit cycle hardly tells.
+        """
+        own, best = ended[0].fitted, least.fitted
+        if own.cost <= best.cost + SWITCH_TIMES.alike or own.model.names == best.model.names:
+            return ended
+        x = own.model.searched(own.model.values(own.x) | best.model.values(best.x))
+        other = self.ended(self.fitted(replace(own, x=x), least.leads))
+        return min(ended, other, key=lambda one: one[0].fitted.cost)
+
+    def ended(self, at: _At) -> _Ended:
+        """The times and numbers that a set comes to, and what they change in the simulation."""
         parts = self.linear(at)
         for _ in range(SWITCH_TIMES.rounds):
             before, at = at, self.nearer(at, parts)
@@ -202,6 +224,17 @@ class _Search:
         """Whether one is no more than a look before another, but for errors: more is what an effect does."""
         spread = np.quantile(np.concatenate(list(leads)), [SWITCH_TIMES.tail, 1.0 - SWITCH_TIMES.tail])
         return bool(np.ptp(spread) * SWITCH_TIMES.unsure <= SWITCH_TIMES.widest * self.deviation)
+
+    def both_ways(self, leads: Leads) -> bool:
+        """Whether switches up and down are given as early, but for chance: who notes them does not see which.
+
+        A load that pushes to one side shortens one half of a limit cycle, as such times do.
+        """
+        rises = np.concatenate([_rises(one) for one in self.cut.series])
+        ways = np.concatenate(list(leads))
+        up, down = ways[rises], ways[~rises]
+        variance = np.var(up) / max(len(up), 1) + np.var(down) / max(len(down), 1)
+        return bool(abs(np.mean(up) - np.mean(down)) <= SWITCH_TIMES.one_way * math.sqrt(variance))
 
     def nearer(self, at: _At, parts: _Linear) -> _At:
         """The set with other leads if it errs less with these: all the way of a step, or a part of it.
