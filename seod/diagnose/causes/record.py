@@ -90,11 +90,13 @@ class Wave:
         number: The parameter that tells how often it repeats [rad/s, or rad/unit].
         over: What it repeats over: the time, or where the load is.
         fewest: Waves over all of that, at least: a longer one is a bend, which other causes have too.
+        unrepeated: The cause that a wave may be as well of which recordings do not show two.
     """
 
     number: str
     over: Literal["time", "place"]
     fewest: float
+    unrepeated: str | None = None
 
     def coordinates(
         self, name: str, scale: float, narrow: float, low: float, high: float

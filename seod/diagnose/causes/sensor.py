@@ -97,7 +97,7 @@ def _bend(effects: Effects) -> float:
     return float(np.max(np.abs(curve(np.linspace(-1.0, 1.0, CURVE_POINTS)))))
 
 
-OVER_PLACE: Final = Wave("wavenumber", "place", fewest=1.0)
+OVER_PLACE: Final = Wave("wavenumber", "place", fewest=1.0, unrepeated="sensor_nonlinearity")
 BACKLASH: Final = Cause(
     name="backlash",
     says="There is play between the actuator and what is measured: a turn shows once the gap is used up.",

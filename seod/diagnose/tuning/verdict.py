@@ -59,6 +59,8 @@ class FoundEffects:
     surely_worse: float = 0.05
     """[-] Chance by which windows held out would foretell a set with another cause as much less well, below
     which it is worse. Chosen: as usual."""
+    repeated: float = 2.0
+    """[waves] Over the travel, below which nothing shows that a wave repeats. Chosen."""
 
 
 FOUND_EFFECTS: Final = FoundEffects()

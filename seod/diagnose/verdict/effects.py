@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -72,6 +73,7 @@ def found_effects(
         others = (
             *_in_place_of(name, chosen, rest.found, screen, tried),
             *_over_the_sweep(name, chosen.found, tried),
+            *_unrepeated(name, chosen.found),
         )
         out.append(
             FoundEffect(
@@ -152,6 +154,16 @@ def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fi
         gaining = sorted((one for one in sets if one.cost < enough), key=lambda one: one.cost)
         found += [next(iter(set(one.model.names) - base)) for one in gaining]
     return [each for each in dict.fromkeys(found) if each not in fitted.model.names]
+
+
+def _unrepeated(name: str, fitted: Fitted) -> list[str]:
+    """What a wave over places may be as well where the load passes fewer than two of it."""
+    wave, scales = CAUSES[name].wave, fitted.model.scales
+    if wave is None or wave.unrepeated is None or not CAUSES[wave.unrepeated].searched(scales):
+        return []
+    number = fitted.model.values(fitted.x)[f"{name}.{wave.number}"]
+    seen = number * scales.travel / (2.0 * math.pi)
+    return [wave.unrepeated] if seen < FOUND_EFFECTS.repeated else []
 
 
 def _in_place_of(
