@@ -135,14 +135,31 @@ def held_out(seed, wrong=0.0, windows=6, rows=500):
 @pytest.mark.parametrize("seed", range(5))
 def test_what_windows_held_out_do_not_show_may_be_chance(seed):
     with_it, without = held_out(seed), held_out(seed, 0.5)
-    assert not may_be_chance(without, with_it, 20)
-    assert may_be_chance(with_it, without, 20)
-    assert may_be_chance(held_out(seed + 10), with_it, 20)
+    assert not may_be_chance(without, with_it, 20, 0.01)
+    assert may_be_chance(with_it, without, 20, 0.01)
+    assert may_be_chance(held_out(seed + 10), with_it, 20, 0.01)
 
 
 def test_where_nothing_can_be_compared_nobody_calls_it_chance():
     one = held_out(1)
-    assert not may_be_chance(one, one, 20)
+    assert not may_be_chance(one, one, 20, 0.01)
     one.sure = ~one.sure
     assert p_value(held_out(2, 0.5), one) == 1.0
-    assert not may_be_chance(one, one, 20)
+    assert not may_be_chance(one, one, 20, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("saves", "p_value", "chance"),
+    [
+        pytest.param(0.5, 0.3, True, id="an asymmetric gain in gusts"),
+        pytest.param(0.5, 0.001, False, id="all windows show it"),
+        pytest.param(1.5, 0.08, False, id="a valve's limit in few windows"),
+        pytest.param(1.5, 0.6, True, id="windows held out do not show it"),
+    ],
+)
+def test_what_saves_much_may_show_in_fewer_windows(monkeypatch, saves, p_value, chance):
+    monkeypatch.setattr(prune, "further_causes", lambda *_: ())
+    monkeypatch.setattr(prune, "may_be_chance", lambda *asked: p_value > asked[-1])
+    own, rest = judged(-3.0, 0.1), judged(-3.0 + saves * PRUNE.surely)
+    own.found.model.scales = None
+    assert prune._gains_by_chance(own, "load_spring", rest) is chance

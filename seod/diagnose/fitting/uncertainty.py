@@ -228,10 +228,10 @@ def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
     return min(1.0, tried * float(ttest_1samp(difference, 0.0, alternative="greater").pvalue))
 
 
-def may_be_chance(without: HeldOut, with_it: HeldOut, tried: int) -> bool:
-    """Whether parts of windows held out can be compared, and show no gain that chance would not show."""
+def may_be_chance(without: HeldOut, with_it: HeldOut, tried: int, most: float) -> bool:
+    """Whether parts of windows held out can be compared, and their gain has a larger p-value than `most`."""
     saved = _log_errors_saved(without, with_it)
-    return _comparable(saved) and p_value(without, with_it, tried) > UNCERTAINTY.by_chance
+    return _comparable(saved) and p_value(without, with_it, tried) > most
 
 
 def _log_errors_saved(without: HeldOut, with_it: HeldOut) -> Array:

@@ -167,7 +167,8 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen:
 def _gains_by_chance(own: Judged, name: str, fewer: Judged) -> bool:
     """Whether windows held out show of a cause no more than chance does."""
     tried = len(further_causes(own.found.model.scales, ()))
-    return EFFECTS[name].cause and may_be_chance(fewer.held, own.held, tried)
+    most = PRUNE.much_by_chance if _much(fewer, own) else PRUNE.by_chance
+    return EFFECTS[name].cause and may_be_chance(fewer.held, own.held, tried, most)
 
 
 def _in_windows_alone(own: Judged, fewer: Judged) -> bool:

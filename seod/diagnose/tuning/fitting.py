@@ -217,9 +217,6 @@ class Uncertainty:
     """[segments] Without which nothing is said of a gain. Chosen."""
     fewest_segments: int = 24
     """[segments] Of the held-out windows that are compared. Chosen."""
-    by_chance: float = 0.01
-    """[-] p-value of a gain in windows held out, above which it may be none. Chosen: the usual stricter one.
-    Measured: of 505 causes rightly named the largest is 0.0007, of 218 others ten are above."""
     pulling_parts: tuple[int, ...] = (48, 16)
     """[parts] Of all rows, whose pulls on a number are compared. Chosen: what bends a record slowly, as an
     offset that moves, shows in long ones alone."""
