@@ -188,10 +188,11 @@ def test_a_model_that_follows_late_samples_takes_the_jitter_back(slow):
     assert found.confirmed(T, y, some + off) == (), "of half of the rows"
 
 
-def test_a_model_that_was_not_asked_takes_nothing_back():
+@pytest.mark.parametrize("simulated", [np.nan, np.inf, 1e200])
+def test_a_model_that_was_not_asked_or_ran_away_takes_nothing_back(simulated):
     y, _ = late_samples(np.random.default_rng(50))
     found = examine(recording(y))
-    assert found.confirmed(T, y, np.full(len(T), np.nan)) == found.found != ()
+    assert found.confirmed(T, y, np.full(len(T), simulated)) == found.found != ()
 
 
 @pytest.mark.parametrize("slow", [0.0, 40.0 * NOISE])

@@ -109,7 +109,7 @@ class Defects:
         """Part of the outliers that is left by a model; 1 where it was asked of none."""
         y = y.copy()
         y[self.off] = self.readings
-        rows = np.flatnonzero(np.isfinite(y - simulated))
+        rows = _compared(y, simulated)
         if len(rows) < DEFECTS.fewest_samples:
             return 1.0
         return remaining_outliers(stencils(t, y, rows), stencils(t, y - simulated, rows), self.off)
@@ -117,7 +117,7 @@ class Defects:
     def _jitter_left(self, t: Array, y: Array, simulated: Array) -> float:
         """Part of the variance of the samples' times that is left by a model, in rows without outliers."""
         told = next((each for each in self.found if each.name == "timing_jitter"), None)
-        rows = np.flatnonzero(np.isfinite(y - simulated))
+        rows = _compared(y, simulated)
         if told is None or len(rows) < DEFECTS.fewest_samples:
             return 1.0
         left = remaining_jitter(stencils(t, y - simulated, rows), t[rows], y[rows])
@@ -166,6 +166,11 @@ def _kept(held: Held | None) -> Defect | None:
         return None
     ends = {"time": (held.time - SD_OF_95 * held.sd, held.time + SD_OF_95 * held.sd)}
     return _named("held_readings", {"time": held.time}, ends, 0.0)
+
+
+def _compared(y: Array, simulated: Array) -> Rows:
+    """Rows with a reading of both, but for those in which a simulation is beyond all bounds."""
+    return np.flatnonzero(np.abs(y - simulated) < _LARGEST)
 
 
 def _absurd(y: Array) -> Mask:
