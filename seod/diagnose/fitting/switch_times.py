@@ -64,9 +64,9 @@ class SwitchTimes(NamedTuple):
 def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) -> SwitchTimes | None:
     """When the switches in windows were given; None where that is told, or where two times do as well.
 
-    By the first of the sets that errs, with its own times, about as little as any of them, and that has
-    switches up no later than switches down: an effect that is none bends the times to what it needs, and one
-    that is missing does.
+    By the first of the sets that errs, with its own times, about as little as any of them, and whose switches
+    up are as early as those down: an effect that is none bends the times to what it needs, and so does one
+    that is missing.
 
     Args:
         sets: Fitted to some of the windows, those with fewer effects first.
