@@ -86,6 +86,21 @@ def test_a_channel_that_does_nothing_is_not_named(shaken):
     assert not told.effects
 
 
+@pytest.mark.slow
+def test_a_force_that_moves_the_load_more_than_all_commands_hides_no_plant():
+    rng = np.random.default_rng(3)
+    u, force = np.repeat(rng.uniform(-3.0, 3.0, N // 1000), 1000), channel(7)
+    clean = moved(u, force - force.mean(), gain=30.0 * GAIN)
+    y = clean + rng.normal(size=N) * 0.003 * np.std(clean)
+    told = diagnose([recording(-u, y, f=force)], options=Options(effort="quick"))
+    assert told.baseline.holdout_nrmse > 1.0  # Eq. 1 alone is worse than a mean
+    assert [each.name for each in told.effects] == ["measured_disturbance"]
+    assert told.verdict == "effects"
+    low, high = told.effects[0].parameters["gain"].ci95
+    assert low <= 30.0 * GAIN <= high
+    assert abs(told.extended.K_L + K_L) < 0.1 * K_L
+
+
 def test_fewer_samples_see_the_mean_of_the_channel(shaken):
     u, force, y = shaken
     every = series(recording(u, y, f=force), nominal_f=40.0)

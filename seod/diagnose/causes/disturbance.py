@@ -39,5 +39,6 @@ MEASURED_DISTURBANCE: Final = Cause(
     ),
     starts=lambda s: tuple((x * s.pressure / max(s.force, LEAST_FORCE), 0.0) for x in GAINS),
     searched=lambda s: s.force > 0.0,
+    follows="gain",
 )
 DISTURBANCE: Final = (PERIODIC_DISTURBANCE, MEASURED_DISTURBANCE)

@@ -256,6 +256,8 @@ class Cause:
             and a start of this cause: the plant to begin from is that of such readings with the sign of a
             simulation. None where readings keep their sign.
         offset: Parameter by which it is a constant acceleration, in which Eq. 1 is linear; "" without one.
+        follows: Parameter by which it is an acceleration in proportion to a channel, in which Eq. 1 is
+            linear, too; "" without one.
         drift: Parameter by which that acceleration grows with time; "" without one.
         figure: A number that the sentence tells, from all effects of the model.
     """
@@ -279,6 +281,7 @@ class Cause:
     gap: str = ""
     unsigned: Callable[[Array, Values, Scales], Array] | None = None
     offset: str = ""
+    follows: str = ""
     drift: str = ""
     figure: Callable[[Effects], float] | None = None
 

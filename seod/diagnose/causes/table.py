@@ -51,6 +51,10 @@ GAPS: Final = frozenset(f"{name}.{one.gap}" for name, one in CAUSES.items() if o
 """Places of gaps in which the load may have been at rest anywhere."""
 OFFSET, OFFSET_PLACE = next((name, f"{name}.{one.offset}") for name, one in CAUSES.items() if one.offset)
 """The cause that is a constant acceleration, and its parameter: Eq. 1 is linear in it."""
+FOLLOWS, FOLLOWS_PLACE = next((name, f"{name}.{one.follows}") for name, one in CAUSES.items() if one.follows)
+"""The cause that is an acceleration in proportion to a channel, and its parameter, likewise."""
+SOLVED: Final = {OFFSET: OFFSET_PLACE, FOLLOWS: FOLLOWS_PLACE}
+"""Causes in which Eq. 1 is linear: their sizes are solved for with its gain."""
 OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
 """By how much it grows with time: searched in runs of whole recordings alone, windows hardly show it."""
 WITHOUT_SIGN: Final = frozenset(name for name, one in CAUSES.items() if one.unsigned)

@@ -11,18 +11,20 @@ import numpy as np
 
 from seod.diagnose.causes.base import BASE, DAMPED_BY_RELAY
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.causes.table import OFFSET, OFFSET_PLACE
+from seod.diagnose.causes.table import SOLVED
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import dominant_hz
 from seod.diagnose.record.windows import Cut, beginnings, sample, segments, undivided
+from seod.diagnose.starts.sizes import largest_force
 from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.fitting.work import ParallelMap
@@ -36,7 +38,8 @@ class BaselineFits(NamedTuple):
 
     Attributes:
         best: Fitted to them from several starts.
-        near: Fitted to short segments of them with a free load bias, which slow effects hardly touch.
+        near: Fitted to short segments of them with a free load bias, which slow effects hardly touch, and
+            with the disturbance that was measured, where one was.
         other: Fitted to whole recordings, whose one initial state makes up for nothing; of those of a relay
             a plant whose own frequency is near the limit cycle's, as every plant's is that a relay drives.
         closed: The plant beside an offset and a delay, where these hide it; else None.
@@ -107,11 +110,11 @@ def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
 
 
 class _GridPoint(NamedTuple):
-    """A start: K_L, a load bias, omega_n and zeta, sorted by the cost."""
+    """A start: K_L, loads by their places, omega_n and zeta, sorted by the cost."""
 
     cost: float
     K_L: float
-    bias: float
+    loads: Values
     omega_n: float
     zeta: float
     sees_speed: bool
@@ -119,7 +122,7 @@ class _GridPoint(NamedTuple):
 
 
 def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> list[_GridPoint]:
-    """A grid over omega_n and zeta, K_L and a load bias solved for in each point; the best first."""
+    """A grid over omega_n and zeta, K_L and loads solved for in each point; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
     slowest = max(BASELINE.lowest_frequency * omega, _slowest(cut))
@@ -132,12 +135,12 @@ def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> li
 
 
 def _grid_point(cut: Cut, sees_speed: bool, fixed: Fixed, at: tuple[float, float]) -> _GridPoint:
-    """K_L and a load bias solved for at this omega_n and zeta."""
+    """K_L and loads solved for at this omega_n and zeta."""
     omega_n, zeta = at
     model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed.effects, fixed.gain)
     x = model.searched({"K_L": model.scales.speed, "omega_n": omega_n, "zeta": zeta})  # of 1 V
-    K_L, bias, cost = linear_gain(model, cut, x, measured_places(cut), fixed.gain)
-    return _GridPoint(cost, K_L, bias, omega_n, zeta, sees_speed, fixed)
+    found = linear_gain(model, cut, x, measured_places(cut), fixed.gain)
+    return _GridPoint(found.cost, found.K_L, found.loads, omega_n, zeta, sees_speed, fixed)
 
 
 def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
@@ -156,7 +159,8 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
     rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
     relayed = cut.relayed
     damped = DAMPED_BY_RELAY if relayed else rough.damped
-    return replace(rough, slowest=_slowest_searched(cut), damped=damped, relayed=relayed)
+    slowest, acts = _slowest_searched(cut), largest_force(cut.series)
+    return replace(rough, slowest=slowest, damped=damped, relayed=relayed, force=acts)
 
 
 def _slowest_searched(cut: Cut) -> float:
@@ -183,10 +187,13 @@ def _plain(point: _GridPoint, cut: Cut) -> Fitted:
 
 
 def _biased(point: _GridPoint, cut: Cut) -> _GridPoint:
-    """The point after a fit with a free load bias."""
-    plain, x = _begun(point, cut)
-    model = plain.with_effect(OFFSET)
-    x = model.searched({**plain.values(x), OFFSET_PLACE: point.bias})
+    """The point after a fit with free loads."""
+    model, x = _begun(point, cut)
+    values = model.values(x)
+    for name in (each for each in SOLVED if SOLVED[each] in point.loads):
+        model = model.with_effect(name)
+    begin = {each.place: 0.0 for each in model.coordinates} | values | point.loads
+    x = model.searched(begin)
     found = fit(model, cut, x, simulated_states(model, x, cut), most=BASELINE.fit_steps)
     values = model.values(found.x)
     K_L, omega_n, zeta = (values[name] for name in BASE)

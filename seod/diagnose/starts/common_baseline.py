@@ -48,9 +48,9 @@ def _with_common(
     model = model.turned(begin["K_L"])
     values = {of: begin[of] for of in BASE} | {LATE_PLACE: begin.get("delay", 0.0)}
     model = model if LATE in model.scales.given else model.with_effect(LATE)
-    K_L, bias, _ = linear_gain(model, small, model.searched(values), measured_places(small), gain)
-    if K_L * values["K_L"] > 0.0:
-        values["K_L"] = K_L
+    found = linear_gain(model, small, model.searched(values), measured_places(small), gain)
+    if found.K_L * values["K_L"] > 0.0:
+        values["K_L"] = found.K_L
     model = model.with_effect(OFFSET)
-    x = model.searched(values | {OFFSET_PLACE: bias})
+    x = model.searched(values | {OFFSET_PLACE: found.loads[OFFSET_PLACE]})
     return fit(model, small, x, simulated_states(model, x, small), parallel=parallel)

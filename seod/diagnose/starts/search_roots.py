@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.causes.table import OFFSET, OFFSET_PLACE, searched_causes
+from seod.diagnose.causes.table import SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
@@ -50,7 +50,7 @@ class Roots(NamedTuple):
 
 
 def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
-    """The baseline and the other fits where they differ, or Eq. 1 with an offset, if that hid the plant.
+    """The baseline and the other fits where they differ, or Eq. 1 with a load, if that hid the plant.
 
     Where readings have lost their sign the baseline behind such a sensor is one of them.
     """
@@ -62,7 +62,7 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> R
         root = fit(other, cut, one.x, start, free=nothing)
         if all(_differ(root, each) for each in found):
             found.append(root)
-    roots = Roots(found[0], _with_offset(found) or found)
+    roots = Roots(found[0], _with_load(found) or found)
     unsigned = unsigned_root(base.model, cut, sizes)
     if unsigned is None:
         return roots
@@ -71,21 +71,22 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> R
     return roots._replace(begin=[*roots.begin, root]) if hidden else roots
 
 
-def _with_offset(found: Sequence[Fitted]) -> list[Fitted]:
-    """Eq. 1 with an offset, where it leaves so much less than without that those plants are none.
+def _with_load(found: Sequence[Fitted]) -> list[Fitted]:
+    """Eq. 1 with an offset or a measured load, where it leaves so much less that those plants are none.
 
     A position runs away with any offset, unequal gains too: whatever Eq. 1 makes of that, effects that are
     tried beside it gain nothing, and take what the search may take.
     """
-    if OFFSET not in searched_causes(found[0].model.scales) or found[0].excess < SEARCH_ROOTS.far_from_noise:
+    loads = [each for each in SOLVED if each in searched_causes(found[0].model.scales)]
+    if not loads or found[0].excess < SEARCH_ROOTS.far_from_noise:
         return []
-    offset = min((_fitted_with_offset(root) for root in found), key=lambda one: one.cost)
-    return [offset] if offset.cost < min(one.cost for one in found) - SEARCH_ROOTS.offset_saves else []
+    loaded = min((_fitted_with(each, root) for each in loads for root in found), key=lambda one: one.cost)
+    return [loaded] if loaded.cost < min(one.cost for one in found) - SEARCH_ROOTS.load_saves else []
 
 
-def _fitted_with_offset(root: Fitted) -> Fitted:
-    model = root.model.with_effect(OFFSET)
-    x = model.searched(root.model.values(root.x) | {OFFSET_PLACE: 0.0})
+def _fitted_with(name: str, root: Fitted) -> Fitted:
+    model = root.model.with_effect(name)
+    x = model.searched({each.place: 0.0 for each in model.coordinates} | root.model.values(root.x))
     return fit(model, root.cut, x, simulated_states(model, x, root.cut))
 
 

@@ -44,9 +44,14 @@ def scales(fitted: Fitted, cut: Cut) -> Scales:
         relayed=cut.relayed,
         levels=_levels(used),
         pressed=_range([one.supply for one in used]) > SIZES.pressed,
-        force=max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used),
+        force=largest_force(used),
         reading=max(SIZES.least, *(float(np.max(np.abs(one.y[one.good]))) for one in used)),
     )
+
+
+def largest_force(used: Sequence[Series]) -> float:
+    """Standard deviation of a measured disturbance, where it is largest [its unit]; 0 without one."""
+    return max(float(np.std(one.force)) if len(one.force) else 0.0 for one in used)
 
 
 def _levels(used: Sequence[Series]) -> int:

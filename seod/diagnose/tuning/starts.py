@@ -178,14 +178,14 @@ class SearchRoots:
     """[-] Part of a plant's residual by which another must differ there, to be a start of its own.
     Chosen."""
     far_from_noise: float = 3.0
-    """[-] Squared error of plants over the noise's, from which on one with an offset is tried. Chosen."""
+    """[-] Squared error of plants over the noise's, from which on one with a load is tried. Chosen."""
     hidden: float = 0.5
     """[-] NRMSE with an offset and a delay over the baseline's, up to which they hid the plant. Chosen."""
     shows_no_sign: float = 0.3
     """[-] Mean log squared error that the baseline behind a sensor without sign saves, to be a start: many a
     position begins at 0 and never goes below. Chosen: a quarter of the squares."""
-    offset_saves: float = 1.0
-    """[-] Mean log squared error that Eq. 1 with an offset saves, for plants without to be none. Chosen: a
+    load_saves: float = 1.0
+    """[-] Mean log squared error that Eq. 1 with a load saves, for plants without to be none. Chosen: a
     factor of e."""
 
 
