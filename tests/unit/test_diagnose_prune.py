@@ -15,10 +15,11 @@ from seod.diagnose.tuning.search import PRUNE
 SCREEN = SimpleNamespace(parallel=map)
 
 
-def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0, sees_speed=False):
+def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0, sees_speed=False, relayed=False):
     held = SimpleNamespace(nrmse=nrmse, log_error=cost if held is None else held, adequacy=adequacy)
     whole = nrmse if whole is None else whole
-    found = SimpleNamespace(cost=cost, model=SimpleNamespace(sees_speed=sees_speed))
+    model, cut = SimpleNamespace(sees_speed=sees_speed), SimpleNamespace(relayed=relayed)
+    found = SimpleNamespace(cost=cost, model=model, cut=cut)
     return SimpleNamespace(found=found, held=held, whole=whole)
 
 
@@ -99,18 +100,22 @@ def test_one_run_says_nothing_of_a_wave_that_loses_its_place_in_it(monkeypatch, 
 
 @pytest.mark.usefixtures("no_chance")
 @pytest.mark.parametrize(
-    ("part", "adequacy", "left", "leaves"),
+    ("part", "adequacy", "relayed", "left", "leaves"),
     [
-        pytest.param(0.95, 50.0, 0.02, True, id="beside a slow offset it saves little"),
-        pytest.param(1.05, 50.0, 0.02, False, id="it saves more"),
-        pytest.param(0.95, 1.0, 0.02, False, id="the sensor's noise is white"),
-        pytest.param(0.95, 50.0, 1.1 * PRUNE.most_offset, False, id="no sensor's zero moves as far"),
+        pytest.param(0.95, 50.0, False, 0.02, True, id="beside a slow offset it saves little"),
+        pytest.param(1.05, 50.0, False, 0.02, False, id="it saves more"),
+        pytest.param(0.95, 1.0, False, 0.02, False, id="the sensor's noise is white"),
+        pytest.param(0.95, 1.0, True, 0.02, True, id="a relay's commands answer to the offset"),
+        pytest.param(1.05, 1.0, True, 0.02, False, id="it saves more than that"),
+        pytest.param(0.95, 50.0, False, 1.1 * PRUNE.most_offset, False, id="no sensor's zero moves as far"),
     ],
 )
-def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(monkeypatch, part, adequacy, left, leaves):
+def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(
+    monkeypatch, part, adequacy, relayed, left, leaves
+):
     monkeypatch.setattr(prune, "covariance", lambda _: None)
     monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
-    own, rest = judged(-3.0, 0.01, adequacy=adequacy), judged(-1.0, left)
+    own, rest = judged(-3.0, 0.01, adequacy=adequacy, relayed=relayed), judged(-1.0, left)
     monkeypatch.setattr(prune, "part_beside_slow_offset", lambda *_: part * PRUNE.beside_slow_offset)
     assert (prune._unidentified(own, {"load_spring": rest}, 0.01, SCREEN) == [rest]) is leaves
 
