@@ -28,7 +28,7 @@ from seod.diagnose.search.final_choice import Choice, choose
 from seod.diagnose.search.refine import fitted_over_all
 from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
-from seod.diagnose.starts.search_roots import hidden_by_offset, search_roots
+from seod.diagnose.starts.search_roots import also_from, hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import HELD_OUT
@@ -90,15 +90,20 @@ class Told(NamedTuple):
     exchanged: bool = False
 
 
-def searched(every: tuple[Sequence[Series], Sequence[Series]], way: Way, closed: ClosedForm) -> Told:
-    """What is found in the first recordings; no choice sees the others."""
+def searched(
+    every: tuple[Sequence[Series], Sequence[Series]],
+    way: Way,
+    closed: ClosedForm,
+    known: Fitted | None = None,
+) -> Told:
+    """What is found in the first recordings; no choice sees the others. It begins from a `known` set, too."""
     own, others = every
     halves = cut(own)
     if way.exchanged:
         halves = exchanged(*halves)
     start = _start(*halves, way)
     unseen = _with(start.held_out, others)
-    found = _search(start, unseen, way, closed)
+    found = _search(start, unseen, way, closed, known)
     return Told(start, unseen, found, way.budget, exchanged=way.exchanged)
 
 
@@ -127,7 +132,7 @@ def _start(to_fit: Cut, held_out: Cut, way: Way) -> Start:
     return Start(to_fit, held_out, screened, begun, Judged(base, plain))
 
 
-def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm) -> Searched:
+def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm, known: Fitted | None) -> Searched:
     to_fit, held_out, screened, begun, base = start
     small, progress = fitted_windows(to_fit), way.progress
     begun = hidden_by_offset(begun, base, closed)
@@ -136,6 +141,7 @@ def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm) -> Searched
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
     starts = search_roots(base.found, begun, sizes, screened.cut)
+    starts = starts if known is None else also_from(starts, known, screened.cut)
     progress("trying causes", 0.1)
     grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))
     progress("fitting the best", 0.6)

@@ -231,7 +231,8 @@ def _timed_otherwise(
     switches = switch_times(sets, windows, way.parallel)
     if switches is None:
         return told
-    return searched((switches.of(every[0]), every[1]), anew, closed)._replace(timed=switches)
+    again = searched((switches.of(every[0]), every[1]), anew, closed, switches.told_by)
+    return again._replace(timed=switches)
 
 
 def _as_either(

@@ -13,7 +13,7 @@ from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import BaselineFits, _rough
-from seod.diagnose.starts.search_roots import search_roots
+from seod.diagnose.starts.search_roots import also_from, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.unsigned import unsigned_root
 
@@ -80,3 +80,18 @@ def test_a_position_that_runs_away_begins_with_an_offset(push):
     values = root.model.values(root.x)
     assert (values["omega_n"], values["zeta"]) == pytest.approx((60.0, 0.4), rel=0.02)
     assert values["load_bias.acceleration"] == pytest.approx(-push, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_set_that_is_known_is_one_of_the_roots():
+    base = of_position(push=300.0)
+    sizes = scales(base, base.cut)
+    roots = search_roots(base, BaselineFits(base, base, base), sizes, base.cut)
+    rough = base.model.with_effect("load_bias")
+    x = rough.searched(base.model.values(base.x) | {"load_bias.acceleration": -280.0})
+    known = fit(rough, base.cut, x, simulated_states(rough, x, base.cut), most=1)
+    *others, last = also_from(roots, known, base.cut).begin
+    assert others == roots.begin
+    assert last.model.names == ("load_bias",)
+    assert last.model.scales == sizes
+    assert last.model.values(last.x)["load_bias.acceleration"] == pytest.approx(-300.0, rel=0.02)

@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from seod.data import Recording
+from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
@@ -15,7 +16,7 @@ from seod.diagnose.fitting.switch_times import _Search, switch_times
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut, cut, fitted_windows, whole_windows
+from seod.diagnose.record.windows import Cut, cut, fitted_windows, undivided, whole_windows
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.starts.sizes import scales
 
@@ -91,6 +92,17 @@ def test_each_switch_is_told_its_own_time(finer, late, damping):
     assert np.mean(off < 0.1) > 0.9
     assert np.median(off) < 0.03
     assert "rows earlier than recorded" in told.sentence
+
+
+@pytest.mark.parametrize(("finer", "late"), [(4, 0), (8, 3)])
+def test_a_run_of_the_whole_recording_keeps_to_it_with_these_times(finer, late):
+    """Near its ends a segment's initial state stands for the time of a switch: a longer run went astray."""
+    t, u, y, _ = relayed(finer, late=late)
+    windows, sets = fits(t, u, y)
+    told = switch_times(sets, windows, map)
+    given, found = Cut(told.of(windows.series), windows.windows), told.told_by
+    for run in (given, undivided(given)):
+        assert simulate_held_out(found.model, found.x, run).nrmse < 1.2 * NOISE
 
 
 @pytest.mark.parametrize("spring", [0.0, 40.0])

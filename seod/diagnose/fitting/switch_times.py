@@ -18,7 +18,7 @@ from seod.diagnose.fitting.beside import correlated_rows
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, weighted
 from seod.diagnose.record.command_timing import switch_look, switched, switches
-from seod.diagnose.record.windows import fitted_windows
+from seod.diagnose.record.windows import fitted_windows, undivided
 from seod.diagnose.tuning.record import SWITCH_TIMES
 
 if TYPE_CHECKING:
@@ -42,9 +42,11 @@ class SwitchTimes(NamedTuple):
 
     Attributes:
         leads: By how many rows earlier than recorded, of each recording one for each switch.
+        told_by: The set that tells them, fitted with them.
     """
 
     leads: Leads
+    told_by: Fitted
 
     def of(self, every: Sequence[Series]) -> list[Series]:
         """The recordings with commands given at these times."""
@@ -86,7 +88,22 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     at, parts = next((one for one in alike if search.both_ways(one[0].leads)), alike[0])
     likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
-    return SwitchTimes(at.leads) if believed else None
+    if not believed:
+        return None
+    for longer in (windows, undivided(windows)):
+        at = _in_longer(at, longer, parallel)
+    return SwitchTimes(at.leads, at.fitted)
+
+
+def _in_longer(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
+    """The same in longer windows, where these have few enough switches.
+
+    Near its ends a window's initial state stands for the time of a switch. One that runs on is led away.
+    """
+    search = _Search(windows, parallel)
+    if search.most > SWITCH_TIMES.most_in_window:
+        return at
+    return search.ended(search.fitted(at.fitted, at.leads))[0]
 
 
 class _At(NamedTuple):

@@ -71,6 +71,17 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> R
     return roots._replace(begin=[*roots.begin, root]) if hidden else roots
 
 
+def also_from(roots: Roots, known: Fitted, cut: Cut) -> Roots:
+    """With a set that is known of the same recordings, at the sizes by which effects are scaled here."""
+    values = known.model.values(known.x)
+    model = roots.baseline.model.turned(values["K_L"])
+    for name in known.model.names:
+        model = model.with_effect(name)
+    model = replace(model, moved=known.model.moved)
+    x = model.searched(values)
+    return roots._replace(begin=[*roots.begin, fit(model, cut, x, simulated_states(model, x, cut))])
+
+
 def _with_load(found: Sequence[Fitted]) -> list[Fitted]:
     """Eq. 1 with an offset or a measured load, where it leaves so much less that those plants are none.
 
