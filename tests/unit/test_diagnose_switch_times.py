@@ -102,7 +102,7 @@ def test_a_run_of_the_whole_recording_keeps_to_it_with_these_times(finer, late):
     told = switch_times(sets, windows, map)
     given, found = Cut(told.of(windows.series), windows.windows), told.told_by
     for run in (given, undivided(given)):
-        assert simulate_held_out(found.model, found.x, run).nrmse < 1.2 * NOISE
+        assert simulate_held_out(found.model, found.x, run).nrmse < 1.5 * NOISE
 
 
 @pytest.mark.parametrize("spring", [0.0, 40.0])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,7 +19,7 @@ from seod.diagnose.fitting.beside import correlated_rows
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, weighted
 from seod.diagnose.record.command_timing import switch_look, switched, switches
-from seod.diagnose.record.windows import fitted_windows, undivided
+from seod.diagnose.record.windows import Cut, fitted_windows
 from seod.diagnose.tuning.record import SWITCH_TIMES
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
-    from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array, Mask, Rows
 
     Leads = Sequence[Array]
@@ -90,20 +90,52 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
     if not believed:
         return None
-    for longer in (windows, undivided(windows)):
-        at = _in_longer(at, longer, parallel)
+    at = _in_one_run(at, windows, parallel)
     return SwitchTimes(at.leads, at.fitted)
 
 
-def _in_longer(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
-    """The same in longer windows, where these have few enough switches.
+def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
+    """The same so that one run of each recording keeps to it.
 
-    Near its ends a window's initial state stands for the time of a switch. One that runs on is led away.
+    Near its ends a window's initial state stands for the time of a switch. One that runs on is led away. So
+    times are told anew in whole windows, and near their ends by windows from the middle of each to that of
+    the next.
     """
-    search = _Search(windows, parallel)
-    if search.most > SWITCH_TIMES.most_in_window:
+    at = _in_longer(at, windows, parallel) or at
+    middles = _from_middle_to_middle(windows)
+    between = _in_longer(at, middles, parallel) if middles.windows else None
+    if between is None:
         return at
+    pairs = enumerate(zip(windows.series, at.leads, between.leads, strict=True))
+    leads = [
+        np.where(_within_by(one, k, windows) >= _within_by(one, k, middles), old, new)
+        for k, (one, old, new) in pairs
+    ]
+    return _Search(windows, parallel).fitted(at.fitted, leads)
+
+
+def _from_middle_to_middle(windows: Cut) -> Cut:
+    """Windows from the middle of each to that of the next, where that one follows at once."""
+    pairs = pairwise(windows.windows)
+    both = [(k, (a + b) // 2, (b + c) // 2) for (k, a, b), (other, d, c) in pairs if (other, d) == (k, b)]
+    return Cut(windows.series, tuple(both))
+
+
+def _in_longer(at: _At, windows: Cut, parallel: ParallelMap) -> _At | None:
+    """The same in longer windows; None where these have too many switches, or none."""
+    search = _Search(windows, parallel)
+    if not 0 < search.most <= SWITCH_TIMES.most_in_window:
+        return None
     return search.ended(search.fitted(at.fitted, at.leads))[0]
+
+
+def _within_by(one: Series, of: int, windows: Cut) -> Rows:
+    """Rows from each switch of a recording to the nearer end of its window; below 0 outside of all."""
+    rows = switches(one)
+    by = np.full(len(rows), -1)
+    for _, first, last in (each for each in windows.windows if each[0] == of):
+        by = np.maximum(by, np.minimum(rows - first, last - 1 - rows))
+    return by
 
 
 class _At(NamedTuple):
