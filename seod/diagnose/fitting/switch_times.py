@@ -99,8 +99,10 @@ def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
 
     Near its ends a window's initial state stands for the time of a switch. One that runs on is led away. So
     times are told anew in whole windows, and near their ends by windows from the middle of each to that of
-    the next.
+    the next. Not where a coarse sensor's rounding hides where a run has come to.
     """
+    if windows.coarse:
+        return at
     at = _in_longer(at, windows, parallel) or at
     middles = _from_middle_to_middle(windows)
     between = _in_longer(at, middles, parallel) if middles.windows else None
