@@ -228,7 +228,8 @@ def _timed_otherwise(
         return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
     windows = Cut(every[0], tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
     sets = [start.base.found, *without.values(), chosen.found] if without else [chosen.found]
-    switches = switch_times(sets, windows, way.parallel)
+    model = told.found.grown.best[-1].model
+    switches = switch_times(sets, windows, way.parallel, lambda: start.screened.grid_sets(model))
     if switches is None:
         return told
     again = searched((switches.of(every[0]), every[1]), anew, closed, switches.told_by)

@@ -23,7 +23,7 @@ from seod.diagnose.record.windows import Cut, fitted_windows
 from seod.diagnose.tuning.record import SWITCH_TIMES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.work import ParallelMap
@@ -63,17 +63,17 @@ class SwitchTimes(NamedTuple):
         )
 
 
-def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) -> SwitchTimes | None:
+def switch_times(
+    sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap, begun: Callable[[], Sequence[Fitted]] = tuple
+) -> SwitchTimes | None:
     """When the switches in windows were given; None where that is told, or where two times do as well.
 
-    By the first of the sets that errs, with its own times, about as little as any of them, and whose switches
-    up are as early as those down: an effect that is none bends the times to what it needs, and so does one
-    that is missing.
-
     Args:
-        sets: Fitted to some of the windows, those with fewer effects first.
+        sets: Fitted to some of the windows.
         windows: All of the recordings, with commands as recorded.
         parallel: Maps a function over trials.
+        begun: Sets to begin from where those are not believed. Their numbers and times go on together: fitted
+            to commands as recorded they would be led away first.
     """
     if not all(switch_look(one) for one in windows.series):
         return None
@@ -81,14 +81,8 @@ def switch_times(sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap) ->
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
     ended = list(parallel(search.run, sets))
-    least = min((at for at, _ in ended), key=lambda at: at.fitted.cost)
-    ended = list(parallel(lambda one: search.nearest(one, least), ended))
-    most = least.fitted.cost + SWITCH_TIMES.alike
-    alike = [one for one in ended if one[0].fitted.cost <= most]
-    at, parts = next((one for one in alike if search.both_ways(one[0].leads)), alike[0])
-    likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
-    believed = likelier > SWITCH_TIMES.likelier and search.are_within_a_look(at.leads)
-    if not believed:
+    at = search.believed(ended) or search.believed([*ended, *parallel(search.begin, begun())])
+    if at is None:
         return None
     at = _in_one_run(at, windows, parallel)
     return SwitchTimes(at.leads, at.fitted)
@@ -99,13 +93,14 @@ def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
 
     Near its ends a window's initial state stands for the time of a switch. One that runs on is led away. So
     times are told anew in whole windows, and near their ends by windows from the middle of each to that of
-    the next. Not where a coarse sensor's rounding hides where a run has come to.
+    the next, with the same numbers: other ones would have other times. Not where a coarse sensor's rounding
+    hides where a run has come to.
     """
     if windows.coarse:
         return at
     at = _in_longer(at, windows, parallel) or at
     middles = _from_middle_to_middle(windows)
-    between = _in_longer(at, middles, parallel) if middles.windows else None
+    between = _in_longer(at, middles, parallel, times_alone=True) if middles.windows else None
     if between is None:
         return at
     pairs = enumerate(zip(windows.series, at.leads, between.leads, strict=True))
@@ -123,9 +118,9 @@ def _from_middle_to_middle(windows: Cut) -> Cut:
     return Cut(windows.series, tuple(both))
 
 
-def _in_longer(at: _At, windows: Cut, parallel: ParallelMap) -> _At | None:
+def _in_longer(at: _At, windows: Cut, parallel: ParallelMap, *, times_alone: bool = False) -> _At | None:
     """The same in longer windows; None where these have too many switches, or none."""
-    search = _Search(windows, parallel)
+    search = _Search(windows, parallel, times_alone=times_alone)
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
     return search.ended(search.fitted(at.fitted, at.leads))[0]
@@ -185,16 +180,36 @@ _Ended: TypeAlias = tuple[_At, _Linear]
 class _Search:
     """What is the same in all rounds: windows, switches in each, the deviation of their leads [rows]."""
 
-    def __init__(self, cut: Cut, parallel: ParallelMap) -> None:
-        self.cut, self.parallel = cut, parallel
+    def __init__(self, cut: Cut, parallel: ParallelMap, *, times_alone: bool = False) -> None:
+        self.cut, self.parallel, self.times_alone = cut, parallel, times_alone
         self.own = _within(cut)
         self.most = max(len(each) for each in self.own)
         self.deviation = SWITCH_TIMES.unsure * max(switch_look(one) for one in cut.series)
+        self.recorded = [np.full(len(switches(one)), one.lead) for one in cut.series]
 
     def run(self, fitted: Fitted) -> _Ended:
-        """A set with the times and numbers that it comes to from commands as recorded."""
-        recorded = [np.full(len(switches(one)), one.lead) for one in self.cut.series]
-        return self.ended(self.fitted(fitted, recorded))
+        """A set with the times and numbers that it comes to, fitted to commands as recorded before."""
+        return self.ended(self.fitted(fitted, self.recorded))
+
+    def begin(self, fitted: Fitted) -> _Ended:
+        """Likewise from numbers as they are."""
+        return self.ended(self.fitted(fitted, self.recorded, 0))
+
+    def believed(self, ended: Sequence[_Ended]) -> _At | None:
+        """The set that tells the times; None where its times are not believed.
+
+        The first that errs, with its own times, about as little as any of them, those with fewer effects
+        first, and whose switches up are as early as those down: an effect that is none bends the times to
+        what it needs, and so does one that is missing.
+        """
+        least = min((at for at, _ in ended), key=lambda at: at.fitted.cost)
+        fewer_first = sorted(ended, key=lambda one: len(one[0].fitted.model.names))
+        ended = list(self.parallel(lambda one: self.nearest(one, least), fewer_first))
+        most = least.fitted.cost + SWITCH_TIMES.alike
+        alike = [one for one in ended if one[0].fitted.cost <= most]
+        at, parts = next((one for one in alike if self.both_ways(one[0].leads)), alike[0])
+        likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
+        return at if likelier > SWITCH_TIMES.likelier and self.are_within_a_look(at.leads) else None
 
     def nearest(self, ended: _Ended, least: _At) -> _Ended:
         """A set as it is, or as it is from the times and numbers of the set that errs least, if less so.
@@ -218,11 +233,15 @@ class _Search:
                 break
         return at, parts
 
-    def fitted(self, fitted: Fitted, leads: Leads) -> _At:
+    def fitted(self, fitted: Fitted, leads: Leads, steps: int = SWITCH_TIMES.fit_steps) -> _At:
         """The set fitted with these leads."""
         cut = self._given(leads)
         start = begun_states(fitted.model, fitted.x, cut)
-        return _At(fit(fitted.model, cut, fitted.x, start, SWITCH_TIMES.fit_steps, self.parallel), leads)
+        free = self._free(fitted)
+        return _At(fit(fitted.model, cut, fitted.x, start, steps, self.parallel, free), leads)
+
+    def _free(self, fitted: Fitted) -> Mask:
+        return np.full(len(fitted.x), not self.times_alone)
 
     def _given(self, leads: Leads) -> Cut:
         every = [switched(one, each) for one, each in zip(self.cut.series, leads, strict=True)]
@@ -232,7 +251,7 @@ class _Search:
     def linear(self, at: _At) -> _Linear:
         """What all numbers change in the simulation, to first order."""
         fitted, model = at.fitted, at.fitted.model
-        search = LeastSquares(model, fitted.cut, self.parallel, np.ones(len(fitted.x), np.bool_))
+        search = LeastSquares(model, fitted.cut, self.parallel, self._free(fitted))
         left, error = search.tried(fitted.x, fitted.start)
         parts = search.derivatives(fitted.x, fitted.start, left, error)
         assert parts.table is not None  # noqa: S101 - a search has one
@@ -333,6 +352,9 @@ def _least(parts: _Linear, *, together: bool) -> _Solved:
     Each lead has the deviation 1 about 1 before the data, each searched number 1 about where it is.
     """
     wide, every, log_volume = parts.wide, [], 0.0
+    if not all(np.isfinite(each).all() for one in parts.windows for each in one):  # simulations without end
+        still = [np.zeros(one.switches.shape[1]) for one in parts.windows]
+        return _Solved(still, np.zeros(len(parts.free)), -math.inf)
     for one in parts.windows:
         states = one.states / np.maximum(np.linalg.norm(one.states, axis=0), 1e-300)
         others = np.hstack([one.numbers, one.kinds]) if together else one.numbers
@@ -348,9 +370,6 @@ def _least(parts: _Linear, *, together: bool) -> _Solved:
             apart = (one.switches - base @ (base.T @ one.switches)) / wide
             log_volume += np.linalg.slogdet(np.eye(size) + apart.T @ apart)[1]
     matrix = sum(others.T @ others for *_, others, _ in every) + wide**2 * np.eye(every[0][3].shape[1])
-    if not np.isfinite(matrix).all():  # a simulation without end tells nothing
-        still = [np.zeros(one.switches.shape[1]) for one in parts.windows]
-        return _Solved(still, np.zeros(len(parts.free)), -math.inf)
     right = sum(others.T @ left for *_, others, left in every)
     step = np.linalg.solve(matrix, right)
     squared = sum(float(left @ left) for *_, left in every) - float(right @ step)

@@ -143,7 +143,8 @@ def _climbed(best: Judged, held_out: Cut, screen: Screen, over: Callable[[], boo
         some = one_more(best.found, screen, over, FINAL_CHOICE.climbed_causes)
         judged = list(screen.parallel(lambda one: Judged.of(one, held_out), some))
         least = _least((best, *judged), screen)
-        if _unseen(best) - _unseen(least) < FINAL_CHOICE.misfit_gain:
+        errors = _errors_of((best, least))
+        if errors(best) - errors(least) < FINAL_CHOICE.misfit_gain:
             return best
         best = least
 
@@ -183,12 +184,23 @@ def worse(judged: Judged, base: Judged) -> bool:
 
 def _least(some: Sequence[Judged], screen: Screen) -> Judged:
     """The one that errs least."""
-    return some[int(np.argmin(list(screen.parallel(_unseen, some))))]
+    return some[int(np.argmin(list(screen.parallel(_errors_of(some), some))))]
 
 
-def _unseen(judged: Judged) -> float:
-    """Log squared errors of windows held out and of one simulation of the whole recording."""
-    return 2.0 * math.log(judged.held.nrmse + 1e-300) + 2.0 * math.log(judged.whole + 1e-300)
+def _errors_of(some: Sequence[Judged]) -> Callable[[Judged], float]:
+    """Log squared error of windows held out, and of one simulation of the whole recording.
+
+    But for that one where a wave among the sets loses its place in it: it would speak for sets without.
+    """
+    in_windows_alone = any(
+        loses_its_place(one.found.model, name) for one in some for name in one.found.model.names
+    )
+
+    def errors(judged: Judged) -> float:
+        held = 2.0 * math.log(judged.held.nrmse + 1e-300)
+        return held if in_windows_alone else held + 2.0 * math.log(judged.whole + 1e-300)
+
+    return errors
 
 
 def plainest(some: Sequence[Fitted]) -> Fitted:

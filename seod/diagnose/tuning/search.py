@@ -229,6 +229,8 @@ class Screen:
     """[s] On which every start is tried. Chosen."""
     screened_s: float = 6.0
     """[s] On which the better causes are fitted. Chosen."""
+    grid_sets: int = 4
+    """[sets] Of the grid, that times of switches are asked with. Chosen: each takes some seconds."""
 
 
 SCREEN: Final = Screen()
