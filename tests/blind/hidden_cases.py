@@ -30,6 +30,10 @@ LISTED_SINCE = {SLEW: 22000, "sensor_nonlinearity": 31000, "static_valve_map": 3
 """Listed later: records of lower numbers are what they were before."""
 SENSORS_SINCE = 120000
 """Sensors that rectify or repeat, a measured disturbance, mains, samplers: lower numbers have none."""
+A_TURN_SINCE = 132020
+"""From this number on an eccentric encoder that is hidden as a curve turns no more than `MOST_TURNS`."""
+MOST_TURNS = 1.25
+"""Waves over the travel: more of them are a ripple, by its definition."""
 NOW_NAMED = {"curved": "sensor_nonlinearity", "progressive": "static_valve_map"}
 """Off the list until then."""
 OF_POSITIONS = {"sensor_nonlinearity"}
@@ -201,6 +205,8 @@ def _strong(case: Case, random) -> Case:
 def _fair(case: Case) -> Case:
     """The case with its noise and what is visible in its record, if that is a fair test."""
     y, quiet = run(case)
+    if case.number >= A_TURN_SINCE and turns(case, y) > MOST_TURNS:
+        raise Invisible(f"{case.causes}: the load moves so far that the curve is a ripple")
     noise = case.noise_part * float(np.std(detrend(y)))
     random = np.random.default_rng([case.number, 4]).normal(0.0, noise, len(y))
     seen, u = run(case, random)
@@ -215,6 +221,11 @@ def _fair(case: Case) -> Case:
     if min(left.values(), default=LEAST) < LEAST:
         raise Invisible(str(case.causes))
     return replace(case, noise=noise, visible=case.visible | left)
+
+
+def turns(case: Case, y) -> float:
+    """Of an eccentric encoder that is hidden as a curve, over what is read; 0: there is none."""
+    return case.rig.effects.get("sensor_nonlinearity", {}).get("wavenumber", 0.0) * float(np.ptp(y)) / math.tau
 
 
 def _quiet(case: Case, seen, noise, u):
