@@ -225,7 +225,8 @@ def _fair(case: Case) -> Case:
 
 def turns(case: Case, y) -> float:
     """Of an eccentric encoder that is hidden as a curve, over what is read; 0: there is none."""
-    return case.rig.effects.get("sensor_nonlinearity", {}).get("wavenumber", 0.0) * float(np.ptp(y)) / math.tau
+    curve = case.rig.effects.get("sensor_nonlinearity", {})
+    return curve.get("wavenumber", 0.0) * float(np.ptp(y)) / math.tau
 
 
 def _quiet(case: Case, seen, noise, u):

@@ -7,7 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_cases import OPEN, SENSORS_SINCE, Case, Invisible, channel_of, draw, run
+from hidden_cases import (
+    A_TURN_SINCE,
+    MOST_TURNS,
+    OPEN,
+    SENSORS_SINCE,
+    Case,
+    Invisible,
+    _fair,
+    channel_of,
+    draw,
+    run,
+    turns,
+)
 from hidden_drives import multisine
 from hidden_records import make_record, write
 from hidden_rig import Rig
@@ -319,3 +331,16 @@ def test_what_is_hidden_alone_is_drawn_and_never_beside_another():
     assert not set(ALONE) & {name for _ in range(200) for name in _causes("two", random, SENSORS_SINCE)}
     with pytest.raises(Invisible, match="hidden alone"):
         draw(SENSORS_SINCE, "two", ("held_readings", "backlash"))
+
+
+def test_from_a_number_on_an_eccentric_encoder_that_turns_more_than_a_wave_is_no_curve():
+    """Beside unequal gains the load runs on: what was to be a part of a turn was ten."""
+    curve = {"amplitude": 0.1, "wavenumber": 3.0, "phase": 0.4}
+    rig = Rig(12.0, 90.0, 0.3, {"asymmetric_gain": {"ratio": 0.3}, "sensor_nonlinearity": curve}, False)
+    case = Case(A_TURN_SINCE, "two", tuple(rig.effects), "multisine", rig, 1e-3, 4.0, 1.0, 0.01, 0.0)
+    waves = turns(case, run(case)[0])
+    assert waves == pytest.approx(3.0 * np.ptp(run(case)[0]) / (2.0 * np.pi))
+    assert waves > MOST_TURNS
+    with pytest.raises(Invisible, match="ripple"):
+        _fair(case)
+    _fair(replace(case, number=A_TURN_SINCE - 1))
