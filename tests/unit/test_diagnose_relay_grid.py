@@ -13,6 +13,7 @@ from relay_records import (
     LOST,
     STALLS,
     TRUTH,
+    N,
     T,
     grid_once,
     gridded,
@@ -33,6 +34,7 @@ from seod.diagnose.starts.relay import compare
 from seod.diagnose.starts.relay.compare import Segment
 from seod.diagnose.starts.relay.grid import grid_plants
 from seod.diagnose.starts.relay.plant import GridPlant
+from seod.diagnose.tuning.search import SCREEN
 from sim.parameters import parameters
 
 pytestmark = pytest.mark.slow
@@ -97,6 +99,22 @@ def test_bristles_of_the_grid_are_as_stiff_as_the_plants():
     assert pytest.approx(TRUTH["K_L"], rel=0.1) == best.K_L
     assert best.begins({"coulomb_friction", "lugre_friction"})
     assert not best.begins({"coulomb_friction"})
+
+
+def test_sets_of_the_grid_are_the_nearest_plant_of_each_kind_as_it_is():
+    """A limit cycle hardly tells the gain of a plant from its damping: the nearest is 30 % off."""
+    one, _ = recorded("gives")
+    screened = screen(segments(cut([one])[0]), map, Budget.of(N, "normal"))
+    sets = screened.grid_sets(model_of(one))
+    kinds = [frozenset(each.model.names) for each in sets]
+    assert len(kinds) == len(set(kinds)) == SCREEN.grid_sets
+    nearest = min(screened.grid_plants, key=lambda each: each.cost)
+    late = {"transport_delay"} if nearest.delay > 0.0 else set()
+    assert kinds[0] == nearest.causes | late
+    first = sets[0].model.values(sets[0].x)
+    assert [first[of] for of in TRUTH] == pytest.approx([nearest.K_L, nearest.omega_n, nearest.zeta])
+    assert first["coulomb_friction.level"] == pytest.approx(nearest.sizes["coulomb_friction.level"])
+    assert first["K_L"] == pytest.approx(TRUTH["K_L"], rel=0.3)
 
 
 def test_the_speed_at_which_friction_has_fallen_settles():
