@@ -35,6 +35,7 @@ from seod.diagnose.search.budget import Budget
 from seod.diagnose.search.other_timing import other_timing
 from seod.diagnose.starts.baseline import Fixed
 from seod.diagnose.starts.common_baseline import common_baseline
+from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM, SERIES
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import EXCHANGED, Searched, answered, most_left, trimmed, unseen_by_fits
@@ -216,7 +217,8 @@ def _timed_otherwise(
 ) -> Told:
     """What is found where commands were given other than recorded.
 
-    If a cause is not needed then, or if each switch of a relay has a time of its own.
+    If a cause is not needed then, or if each switch of a relay has a time of its own: not where all that is
+    left is the rounding of a coarse sensor, within which times may be any.
     """
     chosen, start = told.found.chosen, told.start
     without = {name: one.found for name, one in chosen.without.items()}
@@ -226,6 +228,8 @@ def _timed_otherwise(
         own, others = ([timed.timing.of(one) for one in part] for part in every)
         again = searched((own, others), anew, closed)
         return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
+    if start.held_out.coarse and most_left(told.found) <= HELD_OUT.adequate:
+        return told
     windows = Cut(every[0], tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
     sets = [start.base.found, *without.values(), chosen.found] if without else [chosen.found]
     model = told.found.grown.best[-1].model

@@ -2,21 +2,25 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from seod.data import Recording
+from seod.diagnose import pipeline
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.switch_times import _Search, switch_times
+from seod.diagnose.one_search import Told, Way
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, cut, fitted_windows, undivided, whole_windows
+from seod.diagnose.search.budget import Budget
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.starts.sizes import scales
 
@@ -186,6 +190,29 @@ def test_a_relay_that_is_seldom_looked_at_has_longer_looks():
     seldom = u[rows - rows % 3]
     looks = [switch_look(series(recorded(t, each, y))) for each in (u, seldom, np.sin(t))]
     assert looks == [1, 3, 0]
+
+
+@pytest.mark.parametrize(
+    ("coarse", "left", "asked"),
+    [
+        pytest.param(True, (0.03, 0.9), False, id="rounding alone is left"),
+        pytest.param(True, (0.03, 3.0), True, id="fitted windows show more"),
+        pytest.param(False, (0.03, 0.9), True, id="a fine sensor"),
+    ],
+)
+def test_times_within_a_coarse_sensors_rounding_are_not_asked(monkeypatch, coarse, left, asked):
+    """Of 600 switches at rows each had its own time: what a sensor of six steps rounds away let it be any."""
+    held, seen = (SimpleNamespace(adequacy=each) for each in left)
+    chosen = SimpleNamespace(found=None, without={}, held=held)
+    start = SimpleNamespace(to_fit=Cut([], ()), held_out=SimpleNamespace(windows=(), coarse=coarse))
+    told = Told(start, start.held_out, SimpleNamespace(chosen=chosen, seen=seen), Budget.of(1, "quick"))
+    tried = []
+    monkeypatch.setattr(pipeline, "other_timing", lambda *_: None)
+    monkeypatch.setattr(pipeline, "switch_times", lambda *given: tried.append(given))
+    way = Way(False, None, map, told.budget, lambda *_: None)
+    told.found.grown = SimpleNamespace(best=[SimpleNamespace(model=None)])
+    assert pipeline._timed_otherwise(told, ([], []), way, None) is told
+    assert bool(tried) is asked
 
 
 @pytest.mark.slow
