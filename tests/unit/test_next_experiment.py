@@ -32,6 +32,19 @@ def test_nothing_is_proposed_where_all_is_told_apart():
     assert propose("valve_deadband", (), half_width=0.1) is None
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "rival"),
+    [
+        ("transport_delay", {"time": 2e-3}, "spool_inertia"),
+        ("valve_lag", {"time": 2e-3}, "spool_inertia"),
+        ("stribeck_friction", {"level": 200.0, "speed": 1.0}, "lugre_friction"),
+    ],
+)
+def test_a_rival_that_does_nothing_without_another_cause_is_none(name, values, rival):
+    """A delay was said to be a spool with inertia as well, whose lag is a cause of its own: a traceback."""
+    assert propose(name, (rival,), **values) is None
+
+
 def test_unequal_gain_and_load_bias_are_separated_by_several_amplitudes_of_the_relay():
     told = propose("asymmetric_gain", ["load_bias"], ratio=0.1)
     assert told.separates == ("asymmetric_gain", "load_bias")

@@ -91,10 +91,16 @@ def _sizes() -> str:
 
 
 def _rival(name: str, effect: FoundEffect, model: Model, x: Array) -> Rival | None:
-    """None for a wave, whose frequency nobody knows, and where its own limits leave no room."""
+    """None for a wave, whose frequency nobody knows, and where its own limits leave no room.
+
+    Nor is one that does nothing without a cause that is not there.
+    """
     if effect.name not in model.names or not CAUSES[name].has_room(model.scales):
         return None
-    other = model.without(effect.name).with_effect(name)
+    others = model.without(effect.name)
+    if CAUSES[name].needs not in {"", *others.names}:
+        return None
+    other = others.with_effect(name)
     values = model.values(x)
     begins = [values | start for start in group(name, model.scales).starts]
     places = {coordinate.place for coordinate in other.coordinates}
