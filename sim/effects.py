@@ -70,8 +70,8 @@ SENSOR_CURVE = {2: "a bow", 3: "an S", 4: "a W", 5: "two S", 6: "three bows"}
 """Shapes of a sensor's curve, by the order of the Legendre polynomial: without offset and slope."""
 
 FAR = 1e15
-"""Largest number with a unit of length or angle, also by s or s^2: a thousand km, in nm. Records come in any
-unit, and what is found in one in um must be what is found in the same one in m."""
+"""Largest number with a unit of length or angle, also by s or s^2: a thousand km, in nm; and of a command's.
+Records come in any unit: what is found in one in um, or with commands in counts, is found in m and V, too."""
 
 NEAR = 1.0 / FAR
 """Smallest where 0 is none: a um, in units of a Gm."""
@@ -125,7 +125,7 @@ _ALL = (
         "valve_hysteresis",
         "valve",
         "Magnetic hysteresis and friction of the spool: a play operator on the command.",
-        (Parameter("half_width", "V", 0.0, 0.0, 10.0, "half the play"),),
+        (Parameter("half_width", "V", 0.0, 0.0, FAR, "half the play"),),
         "With a relay alone a smaller gain.",
     ),
     Effect(
@@ -139,7 +139,7 @@ _ALL = (
         "spool_inertia",
         "valve",
         "The spool has mass: its lag is of second order, with half of valve_lag.time omega as damping ratio.",
-        (Parameter("omega", "rad/s", INF, 1.0, INF, "undamped natural frequency of the spool"),),
+        (Parameter("omega", "rad/s", INF, 1e-3, INF, "undamped natural frequency of the spool"),),
         "Far above 1 / valve_lag.time nothing; beside valve_rate_limit nothing.",
         cause=False,
     ),
@@ -154,7 +154,7 @@ _ALL = (
         "null_shift",
         "valve",
         "The spool's centre is not at 0 V.",
-        (Parameter("voltage", "V", 0.0, -10.0, 10.0, "at which the valve is closed"),),
+        (Parameter("voltage", "V", 0.0, -FAR, FAR, "at which the valve is closed"),),
         "load_bias of omega_n K_L voltage / (2 zeta): with straight flow and leakage damping the same.",
         counts_as="load_bias",
     ),
@@ -162,7 +162,7 @@ _ALL = (
         "valve_deadband",
         "valve",
         "Overlap: around its centre the spool opens nothing.",
-        (Parameter("half_width", "V", 0.0, 0.0, 10.0, "half the overlap"),),
+        (Parameter("half_width", "V", 0.0, 0.0, FAR, "half the overlap"),),
         "With a relay alone a smaller gain.",
     ),
     Effect(
@@ -246,7 +246,7 @@ _ALL = (
             Parameter(
                 "inertia", "1", 0.0, 0.0, 100.0, "second inertia over the first; their sum stays the same"
             ),
-            Parameter("omega", "rad/s", 1000.0, 1.0, 1e5, "of the second inertia with the first held"),
+            Parameter("omega", "rad/s", 1000.0, 1e-3, 1e5, "of the second inertia with the first held"),
             Parameter("zeta", "1", 0.05, 0.0, 5.0, "its damping ratio"),
         ),
         "For omega far above omega_n nothing: the inertias move as one.",

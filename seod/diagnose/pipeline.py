@@ -191,7 +191,7 @@ def _in_either_half(
     """
     told = searched(every, way, closed)
     own = _in_own_windows(told)
-    if not unseen_by_fits(own):
+    if way.budget.too_late() or not unseen_by_fits(own):
         return told, way
     other = way._replace(budget=way.budget.anew(), progress=_later(way.progress), exchanged=True)
     try:
@@ -220,10 +220,13 @@ def _timed_otherwise(
     If a cause is not needed then, or if each switch of a relay has a time of its own: not where all that is
     left is the rounding of a coarse sensor, within which times may be any.
     """
+    over = way.budget.too_late
+    if over():  # a search that tries nothing would find less
+        return told
     chosen, start = told.found.chosen, told.start
     without = {name: one.found for name, one in chosen.without.items()}
     anew = way._replace(budget=way.budget.anew(), progress=_later(way.progress))
-    timed = other_timing(chosen.found, without, start.held_out, way.parallel)
+    timed = other_timing(chosen.found, without, start.held_out, way.parallel, over)
     if timed is not None:
         own, others = ([timed.timing.of(one) for one in part] for part in every)
         again = searched((own, others), anew, closed)
@@ -233,8 +236,8 @@ def _timed_otherwise(
     windows = Cut(every[0], tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
     sets = [start.base.found, *without.values(), chosen.found] if without else [chosen.found]
     model = told.found.grown.best[-1].model
-    switches = switch_times(sets, windows, way.parallel, lambda: start.screened.grid_sets(model))
-    if switches is None:
+    switches = switch_times(sets, windows, way.parallel, lambda: start.screened.grid_sets(model), over)
+    if switches is None or over():
         return told
     again = searched((switches.of(every[0]), every[1]), anew, closed, switches.told_by)
     return again._replace(timed=switches)

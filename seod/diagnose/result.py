@@ -467,6 +467,7 @@ class Diagnosis:
             "extended": self.extended.as_json(),
             "noise_floor_nrmse": finite_or_none(self.noise_floor_nrmse),
             "unexplained": self.unexplained.as_json(),
+            "relevance": finite_or_none(self.relevance),
             "account": None if self.account is None else self.account.as_json(),
             "yardstick": None if self.yardstick is None else self.yardstick.as_json(),
             "next_experiment": None if self.next_experiment is None else self.next_experiment.as_json(),

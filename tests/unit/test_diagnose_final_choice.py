@@ -114,6 +114,19 @@ def test_a_budget_is_spent_when_its_time_is_over_and_says_so_where_something_was
     assert "--effort thorough" in budget.remarks[0]
 
 
+def test_a_search_that_begins_anew_has_all_its_work_but_no_other_end_by_the_clock():
+    now, wall = [0.0], [0.0]
+    first = Budget(lambda: now[0], 40.0, safety=(lambda: wall[0], 600.0))
+    now[0], wall[0] = 41.0, 400.0
+    assert first.spent
+    again = first.anew()
+    assert not again.spent
+    assert again.remarks == ()
+    wall[0] = 601.0
+    assert again.spent
+    assert "600 s by the clock" in again.remarks[0]
+
+
 def test_one_trial_has_a_part_of_it():
     now = [0.0]
     ended = Budget(lambda: now[0], 25.0).trial()

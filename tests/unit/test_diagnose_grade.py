@@ -6,7 +6,7 @@ import pytest
 
 from seod.diagnose.account.grade import graded
 from seod.diagnose.result import Account, Unexplained
-from seod.diagnose.verdict.unexplained import systematic_part
+from seod.diagnose.verdict.unexplained import relevant, systematic_part
 
 
 def account(systematic, remains=0.2, nrmse=0.1, detectable=0.01):
@@ -43,6 +43,14 @@ def test_a_model_is_graded(before, after, adequacy, parts, grade):
     assert graded(before, after, adequacy, parts) == grade
 
 
+def test_eq_1_where_it_is_right_is_not_useless():
+    """Nothing is named, nothing is left but noise of which too few rows tell whether it is."""
+    untold = account(0.0, nrmse=0.0, detectable=float("inf"))
+    assert graded(0.08, 0.08, 9.0, untold, clean=True) == "partly"
+    assert graded(0.08, 0.08, 9.0, untold) == "useless"
+    assert graded(1.2, 1.2, 9.0, untold, clean=True) == "useless"
+
+
 @pytest.mark.parametrize(("relevance", "fraction"), [(0.05, 0.0), (0.02, 0.03 / 0.9), (0.0, 0.03 / 0.9)])
 def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
     left = Unexplained(0.8, ("velocity",), {"velocity": 0.4})
@@ -54,6 +62,7 @@ def test_unexplained_is_what_is_systematic_and_relevant(relevance, fraction):
         assert systematic_part(left, unasked, 0.1, relevance, named=True) == left
         assert systematic_part(left, unasked, 0.01, 0.02, named=True).fraction == 0.0
     assert systematic_part(Unexplained(0.0), told, 0.1, 0.0, named=True).fraction == 0.0
+    assert relevant(left, 0.03, relevance) == (left if relevance < 0.03 else Unexplained(0.0))
 
 
 def test_what_simulates_no_better_than_a_mean_leaves_no_noise():

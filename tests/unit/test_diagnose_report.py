@@ -19,12 +19,22 @@ from seod.data import Recording
 from seod.diagnose.report.chart import AFTER, BEFORE, MEASURED, Chart, Curve, Map, thinned, wrapped
 from seod.diagnose.report.fields import _band
 from seod.diagnose.report.files import facts
+from seod.diagnose.report.over_time import wholes
 from seod.diagnose.report.page import page
+from seod.diagnose.report.pictures import Pictures
 from seod.diagnose.report.tables import effects, figures
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import Units
-from seod.diagnose.report.words import GRADES, consequences, headline, percent
-from seod.diagnose.result import Common, Gain, Parameter, Unexplained
+from seod.diagnose.report.words import (
+    GRADES,
+    consequences,
+    free_run_names,
+    headline,
+    percent,
+    percent_of,
+    told_runs,
+)
+from seod.diagnose.result import Common, FreeRun, Gain, Parameter, Unexplained
 from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
 from seod.diagnose.verdict.answer import DRIFTS
@@ -98,6 +108,23 @@ def test_a_clean_record_shows_one_model_and_no_causes():
     assert "<th>extended</th>" not in html
     assert "extended" not in as_text(clean, "rad")
     assert not any(AFTER in picture for picture in pictures(html))
+
+
+def test_of_many_recordings_the_runs_of_those_held_out_are_shown(found):
+    runs = tuple(FreeRun(1.0 + k, 0.5 + k, unseen=k > 4) for k in range(6))
+    models = {of: replace(getattr(found, of), free_runs=runs) for of in ("baseline", "extended")}
+    many = replace(found, whole=found.whole * 6, **models)
+    assert told_runs(many) == [0, 1, 2, 5]
+    assert list(free_run_names(many, "mm")) == [0, 1, 2, 5]
+    assert "whole run 6, held out [mm]" in as_text(many, "mm")
+    assert len(wholes(Pictures(many, "mm"))) == 4
+
+
+@pytest.mark.parametrize(
+    ("part", "told"), [(0.0, "0 %"), (0.0006, "0.06 %"), (0.0041, "0.4 %"), (0.012, "1 %"), (1.0, "100 %")]
+)
+def test_a_share_that_is_there_is_never_0(part, told):
+    assert percent_of(part) == told
 
 
 def test_what_is_unexplained_is_not_sold_as_explained(found):
@@ -414,7 +441,7 @@ def test_nothing_is_in_nobodys_unit_where_one_is_known(found):
     for told in (page(more, "mm", ["a.csv"]), as_text(more, "mm")):
         assert not re.search(r"\bunit\b", re.sub("<style>.*</style>", "", told))
     assert "gives way by 0.004 mm " in as_text(more, "mm")
-    assert "K_L [mm/s/V]" in as_text(more, "mm")
+    assert "[mm/s/V]" in as_text(more, "mm")
 
 
 def test_a_load_that_drifts_is_told_in_the_unit_of_y(found):

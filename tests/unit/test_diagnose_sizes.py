@@ -32,6 +32,10 @@ def test_a_size_that_may_be_none_is_no_cause(lagging):
     far = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[1], lagging.x))
     assert not reaches_null(far, "valve_lag", spread, 1)
     assert at_limits(far) == ["valve_lag.time"]
+    low, high = lagging.model.bounds
+    near = replace(far, x=far.x - 1e-5 * np.where(np.arange(4) == k, high - low, 0.0))
+    assert at_limits(near) == ["valve_lag.time"]
+    assert at_limits(replace(far, x=far.x - 0.01 * np.where(np.arange(4) == k, high - low, 0.0))) == []
 
 
 def test_a_cause_of_several_sizes_may_be_none_only_if_all_of_them_may(lagging):

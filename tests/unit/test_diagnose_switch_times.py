@@ -215,6 +215,17 @@ def test_times_within_a_coarse_sensors_rounding_are_not_asked(monkeypatch, coars
     assert bool(tried) is asked
 
 
+def test_what_was_found_stays_where_the_clock_has_ended_the_search(monkeypatch):
+    """Another search would try nothing, and find less."""
+    held = SimpleNamespace(adequacy=9.0)
+    found = SimpleNamespace(chosen=SimpleNamespace(found=None, without={}, held=held), seen=held)
+    budget = Budget(safety=(iter([0.0, *[700.0] * 9]).__next__, 600.0))
+    told = Told(SimpleNamespace(held_out=SimpleNamespace(windows=())), None, found, budget)
+    monkeypatch.setattr(pipeline, "other_timing", lambda *_: pytest.fail("asked"))
+    way = Way(False, None, map, budget, lambda *_: None)
+    assert pipeline._timed_otherwise(told, ([], []), way, None) is told
+
+
 @pytest.mark.slow
 def test_a_plant_behind_a_relay_that_is_seen_at_rows_hides_nothing():
     """Without times of its own it had a tenth of its damping, and a disturbance."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 from units_truth import RATE, record
 
 from seod.cli import app
@@ -128,6 +129,33 @@ def test_a_rig_that_does_all_of_it_slowly():
     assert [each["name"] for each in once["effects"]] == ["backlash"]
     assert [each["name"] for each in slowly["effects"]] == ["backlash"]
     assert slowly["extended"]["omega_n"] == pytest.approx(0.01 * once["extended"]["omega_n"], rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("per_volt", [10.0, 3276.8], ids=["percent", "counts"])
+def test_commands_in_another_unit(per_volt):
+    """A deadband of 0.3 V is 983 counts of a converter, and was 10 at most."""
+    u, y = record(SECONDS, through=lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.3, 0.0))
+    (effect,) = told(per_volt * u, y, 1.0)["effects"]
+    assert effect["name"] == "valve_deadband"
+    assert effect["parameters"]["half_width"]["value"] == pytest.approx(0.3 * per_volt, rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lag", "delay"), [(0.5, 0.0), (0.0, 0.8)], ids=["lag", "delay"])
+def test_a_slow_plant_that_is_recorded_quickly(lag, delay):
+    """At 2 rad/s and 100 Hz no delay longer than 50 rows was looked for, and two lags stood for the rest."""
+    rate, n = 100.0, 6000
+    u = np.repeat(np.random.default_rng(7).uniform(-2.0, 2.0, n // 150), 150)
+    late = np.r_[np.zeros(round(delay * rate)), u][:n]
+    below = np.polymul([1.0, 2.0 * 0.3 * 2.0, 4.0], [lag, 1.0] if lag else [1.0])
+    y = lsim(([4.0], below), late, np.arange(n) / rate, interp=False)[1]
+    y += np.random.default_rng(8).normal(0.0, 0.006 * np.std(y), n)
+    answer = told(u, y, 1.0, "velocity", pace=rate / RATE)
+    (effect,) = answer["effects"]
+    assert effect["name"] in ({"transport_delay"} if delay else {"sensor_lag", "valve_lag"})
+    assert effect["parameters"]["time"]["value"] == pytest.approx(lag or delay, rel=0.02)
+    assert [answer["extended"][of] for of in ("omega_n", "zeta")] == pytest.approx([2.0, 0.3], rel=0.02)
 
 
 @pytest.mark.slow

@@ -110,6 +110,17 @@ def test_a_long_recording_is_cut_in_blocks_at_distances_of_which_no_two_are_alik
     assert len(undivided(fitted).windows) == 5
 
 
+@pytest.mark.parametrize(("longer", "count"), [(1.001, 2), (1.4, 3), (1.8, 4), (2.4, 5)])
+def test_blocks_lie_beside_each_other_however_little_longer_the_recording_is(one, monkeypatch, longer, count):
+    monkeypatch.setattr(blocks, "BLOCKS", replace(blocks.BLOCKS, searched_rows=int(len(one.t) / longer)))
+    (long,) = in_blocks([replace(one, window_s=one.tick * len(one.t) / 80.0)])
+    assert len(long.blocks) == count
+    assert all(end <= begin for (_, end), (begin, _) in pairwise(long.blocks))
+    fitted, held = cut([long])
+    every = sorted(fitted.windows + held.windows)
+    assert all(last <= first for (_, _, last), (_, first, _) in pairwise(every))
+
+
 def test_a_short_recording_is_searched_whole(one):
     assert in_blocks([one]) == [one]
 

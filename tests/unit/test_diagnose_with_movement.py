@@ -70,6 +70,16 @@ def test_what_a_wrong_plant_leaves_is_not(machine, memory):
     assert 0.6 < part_of(u, effect + coloured(memory, 0.1 * size), states) <= 1.0
 
 
+def test_a_recording_that_moves_more_may_have_more_noise():
+    """Two recordings of one rig, each with as much noise for its movement: no wrong plant."""
+    parts = []
+    for file, size in enumerate((1.0, 0.2)):
+        u = size * multisine()
+        each = parts_of(u, coloured(0.9, 0.1 * size, 40 + file), moved(u))
+        parts += [replace(one, file=file) for one in each]
+    assert comes_with_movement(parts, PLANT, colour(parts), CHANCE) == 0.0
+
+
 def test_under_a_command_without_rest_nothing_is_said():
     """All periods of a multisine move alike: what is left there is shown by what repeats."""
     u = multisine()

@@ -92,6 +92,16 @@ def test_a_rival_that_is_the_truth_itself_fits():
     np.testing.assert_allclose(model.record(found)["coulomb_friction_level"], 200.0, rtol=0.01)
 
 
+def test_a_gain_that_is_known_is_not_searched():
+    model = baseline_model(SCALES, 1.0, False, {}, K_L).with_effect("coulomb_friction")
+    truth = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, "coulomb_friction.level": 200.0}
+    x, t = model.searched(truth), times(OMEGA_N, TICK)
+    run = perform(model.record(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
+    found, left = refitted(model, [x + 0.02], run, NOISE)
+    assert left < 0.2
+    assert model.values(found)["K_L"] == pytest.approx(K_L)
+
+
 @pytest.mark.parametrize("sees_speed", [False, True], ids=["position", "speed"])
 def test_readings_and_pressure_are_those_of_the_plant(sees_speed):
     model, x = model_with("valve_lag", sees_speed, time=1e-3)

@@ -10,14 +10,17 @@ SUBSTEPS = 16
 """Of a sampling interval, in which friction is held."""
 
 
-def record(seconds, *, friction=0.0, stiffness=0.0, gap=0.0, noise=0.01, seed=3, speeds=False):
+def record(
+    seconds, *, friction=0.0, stiffness=0.0, gap=0.0, noise=0.01, seed=3, speeds=False, through=lambda u: u
+):
     """Commands [V] and noisy positions [m] at `RATE`, from rest; with `speeds` speeds [m/s], without a gap.
 
-    `friction` is an acceleration [m/s^2], `stiffness` of a spring [1/s^2], `gap` [m].
+    `friction` is an acceleration [m/s^2], `stiffness` of a spring [1/s^2], `gap` [m]. `through` tells
+    what commands become on their way to the plant.
     """
     random = np.random.default_rng(seed)
     u = multisine(round(seconds * RATE), random)
-    places, fast = moved(u, friction, stiffness)
+    places, fast = moved(through(u), friction, stiffness)
     y = fast if speeds else behind(places, gap)
     return u, y + random.normal(0.0, noise * np.std(y), len(y))
 

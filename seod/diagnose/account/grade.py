@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Account, Grade
 
 
-def graded(before: float, after: float, adequacy: float, account: Account | None) -> Grade:
+def graded(
+    before: float, after: float, adequacy: float, account: Account | None, *, clean: bool = False
+) -> Grade:
     """The grade.
 
     Args:
@@ -19,6 +21,7 @@ def graded(before: float, after: float, adequacy: float, account: Account | None
         after: Of the extended model.
         adequacy: Its mean squared error over the white noise's.
         account: Parts of it. Where ARX or NARX come nearer by more than chance, a part is systematic.
+        clean: The verdict: Eq. 1 alone is right, and its model is the extended one.
     """
     if not after < 1.0:
         return "useless"
@@ -30,7 +33,7 @@ def graded(before: float, after: float, adequacy: float, account: Account | None
         return "down_to_noise"
     if after <= GRADE.design_error and rest <= GRADE.design_systematic:
         return "good_for_design"
-    return "partly" if after < before else "useless"
+    return "partly" if after < before or clean else "useless"
 
 
 def would_have_shown(account: Account, after: float) -> bool:

@@ -29,8 +29,9 @@ def comes_with_movement(
     """Part of the squared error [0 to 1] that a load at rest would not have; 0 where it may be chance.
 
     Of errors half a period of the plant ahead, as of a black box: what had moved the load before drifts on.
-    Their mean squares over a period each are ranked, as are those of the pressure that moves the load. Ranks
-    of noises of the same colour say what chance makes of it.
+    Their mean squares over a period each are ranked within their recording, as are those of the pressure that
+    moves the load: another recording's sensor may have another noise. Ranks of noises of the same colour say
+    what chance makes of it.
 
     Args:
         parts: What a model leaves of windows; in each a row has all of its past.
@@ -38,13 +39,22 @@ def comes_with_movement(
         noise: What is left, as noise.
         chance: Probability with which noise may pass.
     """
-    pairs = [each for k, one in enumerate(parts) for each in _squares(one, plant, noise, k)]
-    if len(pairs) < WITH_MOVEMENT.fewest:
+    files = sorted({one.file for one in parts})
+    pairs = [
+        [each for k, one in enumerate(parts) if one.file == file for each in _squares(one, plant, noise, k)]
+        for file in files
+    ]
+    if sum(map(len, pairs)) < WITH_MOVEMENT.fewest:
         return 0.0
-    errors, pressure = np.array([error for error, _ in pairs]), np.array([moved for _, moved in pairs])
-    own, *chances = _ranked(errors).T @ _ranked(pressure)
-    resting = pressure <= np.quantile(pressure, WITH_MOVEMENT.resting)
-    part = 1.0 - float(np.mean(errors[resting, 0])) / max(float(np.mean(errors[:, 0])), 1e-300)
+    together: Array = np.zeros(())
+    resting = every = 0.0
+    for errors, pressure in (map(np.array, zip(*own, strict=True)) for own in pairs if own):
+        together = together + _ranked(errors).T @ _ranked(pressure)
+        rests = pressure <= np.quantile(pressure, WITH_MOVEMENT.resting)
+        resting += len(errors) * float(np.mean(errors[rests, 0]))
+        every += float(np.sum(errors[:, 0]))
+    own, *chances = together
+    part = 1.0 - resting / max(every, 1e-300)
     return max(0.0, part) if own > limit(np.array(chances), chance) else 0.0
 
 

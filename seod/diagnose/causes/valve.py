@@ -35,7 +35,9 @@ SHOWN_HALF_WIDTH, SHOWN_LIMIT = 0.1, 0.6
 """Over the largest command: sizes with which an experiment is tried out; chosen."""
 LONGEST_S: Final = 0.1
 LONGEST_TICKS: Final = 50.0
-"""Of a delay or a lag [s], or over the sampling interval, at most: slow records are of slow rigs; chosen."""
+LONGEST_RADIANS: Final = 4.0
+"""Of a delay or a lag [s], over the sampling interval, or in radians of the baseline's plant, the longest of
+these, at most: slow records are of slow rigs, and a slow rig may be recorded quickly; chosen."""
 LONGEST_START: Final = 0.5
 """Of a start over that, so that a fit may go either way."""
 SHORTEST_LAG_TICKS: Final = 0.1
@@ -71,7 +73,7 @@ def lag_starts(*radians: float) -> Callable[[Scales], tuple[tuple[float, ...], .
 
 def longest(s: Scales) -> float:
     """Of a delay or a lag, at most [s]."""
-    return max(LONGEST_S, LONGEST_TICKS * s.tick_s)
+    return max(LONGEST_S, LONGEST_TICKS * s.tick_s, LONGEST_RADIANS / s.omega_n)
 
 
 def shortest_lag(s: Scales) -> float:

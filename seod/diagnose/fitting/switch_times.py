@@ -64,7 +64,11 @@ class SwitchTimes(NamedTuple):
 
 
 def switch_times(
-    sets: Sequence[Fitted], windows: Cut, parallel: ParallelMap, begun: Callable[[], Sequence[Fitted]] = tuple
+    sets: Sequence[Fitted],
+    windows: Cut,
+    parallel: ParallelMap,
+    begun: Callable[[], Sequence[Fitted]] = tuple,
+    over: Callable[[], bool] = lambda: False,
 ) -> SwitchTimes | None:
     """When the switches in windows were given; None where that is told, or where two times do as well.
 
@@ -74,21 +78,22 @@ def switch_times(
         parallel: Maps a function over trials.
         begun: Sets to begin from where those are not believed. Their numbers and times go on together: fitted
             to commands as recorded they would be led away first.
+        over: Tells when no further round begins.
     """
     if not all(switch_look(one) for one in windows.series):
         return None
-    search = _Search(fitted_windows(windows), parallel)
+    search = _Search(fitted_windows(windows), parallel, over)
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
     ended = list(parallel(search.run, sets))
     at = search.believed(ended) or search.believed([*ended, *parallel(search.begin, begun())])
     if at is None:
         return None
-    at = _in_one_run(at, windows, parallel)
+    at = _in_one_run(at, windows, parallel, over)
     return SwitchTimes(at.leads, at.fitted)
 
 
-def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
+def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap, over: Callable[[], bool]) -> _At:
     """The same so that one run of each recording keeps to it.
 
     Near its ends a window's initial state stands for the time of a switch. One that runs on is led away. So
@@ -98,9 +103,10 @@ def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
     """
     if windows.coarse:
         return at
-    at = _in_longer(at, windows, parallel) or at
+    at = _in_longer(at, _Search(windows, parallel, over)) or at
     middles = _from_middle_to_middle(windows)
-    between = _in_longer(at, middles, parallel, times_alone=True) if middles.windows else None
+    alone = _Search(middles, parallel, over, times_alone=True) if middles.windows else None
+    between = _in_longer(at, alone) if alone else None
     if between is None:
         return at
     pairs = enumerate(zip(windows.series, at.leads, between.leads, strict=True))
@@ -108,7 +114,7 @@ def _in_one_run(at: _At, windows: Cut, parallel: ParallelMap) -> _At:
         np.where(_within_by(one, k, windows) >= _within_by(one, k, middles), old, new)
         for k, (one, old, new) in pairs
     ]
-    return _Search(windows, parallel).fitted(at.fitted, leads)
+    return _Search(windows, parallel, over).fitted(at.fitted, leads)
 
 
 def _from_middle_to_middle(windows: Cut) -> Cut:
@@ -118,9 +124,8 @@ def _from_middle_to_middle(windows: Cut) -> Cut:
     return Cut(windows.series, tuple(both))
 
 
-def _in_longer(at: _At, windows: Cut, parallel: ParallelMap, *, times_alone: bool = False) -> _At | None:
+def _in_longer(at: _At, search: _Search) -> _At | None:
     """The same in longer windows; None where these have too many switches, or none."""
-    search = _Search(windows, parallel, times_alone=times_alone)
     if not 0 < search.most <= SWITCH_TIMES.most_in_window:
         return None
     return search.ended(search.fitted(at.fitted, at.leads))[0]
@@ -180,8 +185,15 @@ _Ended: TypeAlias = tuple[_At, _Linear]
 class _Search:
     """What is the same in all rounds: windows, switches in each, the deviation of their leads [rows]."""
 
-    def __init__(self, cut: Cut, parallel: ParallelMap, *, times_alone: bool = False) -> None:
-        self.cut, self.parallel, self.times_alone = cut, parallel, times_alone
+    def __init__(
+        self,
+        cut: Cut,
+        parallel: ParallelMap,
+        over: Callable[[], bool] = lambda: False,
+        *,
+        times_alone: bool = False,
+    ) -> None:
+        self.cut, self.parallel, self.over, self.times_alone = cut, parallel, over, times_alone
         self.own = _within(cut)
         self.most = max(len(each) for each in self.own)
         self.deviation = SWITCH_TIMES.unsure * max(switch_look(one) for one in cut.series)
@@ -227,6 +239,8 @@ class _Search:
         """The times and numbers that a set comes to, and what they change in the simulation."""
         parts = self.linear(at)
         for _ in range(SWITCH_TIMES.rounds):
+            if self.over():
+                break
             before, at = at, self.nearer(at, parts)
             parts = self.linear(at)
             if before.fitted.cost - at.fitted.cost < SWITCH_TIMES.enough:

@@ -179,10 +179,14 @@ def _limits(fitted: Fitted) -> list[tuple[str, float]]:
     out = []
     for x, c in zip(fitted.x, fitted.model.coordinates, strict=True):
         low, high = c.bounds
-        if high - x < UNCERTAINTY.near_limit * (high - low):
-            out.append((c.place, math.inf if _null(c.place) == math.inf else math.nan))
-        elif x - low < UNCERTAINTY.near_limit * (high - low):
-            out.append((c.place, 0.0 if _null(c.place) == 0.0 and c.low >= 0.0 else math.nan))
+        if not low < high:  # it is known
+            continue
+        null, part = _null(c.place), (x - low) / (high - low)
+        off_below, off_above = null == 0.0 and c.low >= 0.0, null == math.inf
+        if 1.0 - part < (UNCERTAINTY.near_null if off_above else UNCERTAINTY.near_limit):
+            out.append((c.place, math.inf if off_above else math.nan))
+        elif part < (UNCERTAINTY.near_null if off_below else UNCERTAINTY.near_limit):
+            out.append((c.place, 0.0 if off_below else math.nan))
     return out
 
 

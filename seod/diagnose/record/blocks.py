@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from seod.diagnose.tuning.record import BLOCKS, SERIES
 
 if TYPE_CHECKING:
@@ -25,11 +23,13 @@ def in_blocks(every: Sequence[Series]) -> list[Series]:
 
 
 def _in_blocks(recording: Series, rows: int) -> Series:
-    """As many blocks as are long enough, of so many rows together."""
-    least = int(SERIES.fewest_windows * recording.window_s / recording.tick)
-    count = min(max(rows // max(least, 1), 1), len(MARKS))
-    size = max(rows // count, least)
-    if count * size >= len(recording.t):
+    """As many blocks as are long enough and lie beside each other, of so many rows together."""
+    n = len(recording.t)
+    least = max(int(SERIES.fewest_windows * recording.window_s / recording.tick), 1)
+    if max(rows, least) >= n:
         return recording
-    marks = np.array(MARKS[count - 1]) / max(MARKS[count - 1][-1], 1)
-    return recording.searched_in((marks * (len(recording.t) - size)).astype(int).tolist(), size)
+    most = min(max(rows // least, 1), len(MARKS))
+    count = max(k for k in range(1, most + 1) if k == 1 or (MARKS[k - 1][-1] + 1) * (rows // k) <= n)
+    size = max(rows // count, least)
+    marks = MARKS[count - 1]
+    return recording.searched_in([mark * (n - size) // max(marks[-1], 1) for mark in marks], size)

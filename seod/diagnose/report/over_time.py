@@ -9,6 +9,7 @@ import numpy as np
 
 from seod.diagnose.report.chart import AFTER, BEFORE, FLOOR, MEASURED, Chart, Curve
 from seod.diagnose.report.pictures import Pictures
+from seod.diagnose.report.words import told_runs
 from seod.plots.style import new_figure, style
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ _SHOWN: Final = 12.0
 """Periods of the plant's frequency that the overlay shows."""
 _BLOCKS_SHOWN: Final = 40
 """In which errors are shown over time."""
-_MOST_WHOLE: Final = 4
-"""Recordings that are drawn as a whole."""
 
 
 def draw(d: Diagnosis, unit: str) -> Figure:
@@ -74,8 +73,8 @@ def _errors(p: Pictures) -> Chart:
 
 
 def wholes(p: Pictures) -> list[str]:
-    """Errors of one simulation of each whole recording, as far as that stays with it."""
-    return [_whole(p, k, one) for k, one in enumerate(p.diagnosis.whole[:_MOST_WHOLE])]
+    """Errors of one simulation of whole recordings, as far as that stays with them."""
+    return [_whole(p, k, p.diagnosis.whole[k]) for k in told_runs(p.diagnosis)]
 
 
 def _whole(p: Pictures, k: int, one: Whole) -> str:
@@ -87,7 +86,8 @@ def _whole(p: Pictures, k: int, one: Whole) -> str:
     for label, colour, score, simulated in models:
         if not score.diverged:
             curves.append(Curve(one.t, one.y - simulated, f"error of the {label}", colour, 1.0))
-    which = f" ({k + 1} of {len(d.whole)})" if len(d.whole) > 1 else ""
+    kind = ", held out" if any(run.unseen for run in d.extended.free_runs[k : k + 1]) else ""
+    which = f" ({k + 1} of {len(d.whole)}{kind})" if len(d.whole) > 1 else ""
     title = f"The whole recording{which} in one simulation from its commands alone"
     return Chart(title, "t [s]", f"[{p.unit}]", curves, WIDE, 220.0).wide()
 

@@ -14,6 +14,7 @@ from seod.diagnose.report.words import (
     of_record,
     offset_and_delay,
     percent,
+    percent_of,
     what_it_is,
 )
 from seod.diagnose.result import SD_OF_95
@@ -41,7 +42,7 @@ def figures(d: Diagnosis, unit: str) -> str:
     rows = [[title, *(of(score) for _, score in models)] for title, of in told]
     free_runs = [
         [escape(which), *(free_run(score, k) for _, score in models)]
-        for k, which in enumerate(free_run_names(d, unit))
+        for k, which in free_run_names(d, unit).items()
     ]
     common = d.baseline.common
     if common is not None:
@@ -102,7 +103,7 @@ def _effect(d: Diagnosis, effect: FoundEffect, unit: str) -> list[str]:
     units = Units.of(unit, d.output)
     values = [f"{escape(name)} = {escape(interval(p, units))}" for name, p in effect.parameters.items()]
     gain = effect.gain
-    told = [f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}", f"{100.0 * d.share(effect):.0f} %"]
+    told = [f"{percent(gain.nrmse_without)} → {percent(gain.nrmse_with)}", percent_of(d.share(effect))]
     return [
         f"<b>{escape(effect.name)}</b><br><small>{escape(what_it_is(effect))}</small>",
         "<br>".join(values),

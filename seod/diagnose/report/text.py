@@ -18,6 +18,7 @@ from seod.diagnose.report.words import (
     of_record,
     offset_and_delay,
     percent,
+    percent_of,
 )
 from seod.diagnose.result import SD_OF_95
 from seod.terminal import console
@@ -38,9 +39,10 @@ def as_text(d: Diagnosis, unit: str) -> str:
 
 def _figures(d: Diagnosis, unit: str) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
-    gain = f"K_L [{Units.of(unit, d.output).gain}]"
-    for title in ("", "held-out error [95 %]", "whole", "omega_n [rad/s]", "zeta", gain):
-        table.add_column(title, justify="right" if title else "left", no_wrap=True)
+    gain = f"K_L\n[{Units.of(unit, d.output).gain}]"
+    for title in ("", "held-out error\n[95 %]", "whole", "omega_n\n[rad/s]", "zeta", gain):
+        whole = title.startswith("held")
+        table.add_column(title, justify="right" if title else "left", overflow="fold", no_wrap=whole)
     for title, score in d.models:
         table.add_row(title, *_score(score))
         if score.common is not None:
@@ -62,8 +64,8 @@ def _free_runs(d: Diagnosis, unit: str) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
     models = d.models
     for title in ("", *(name for name, _ in models)):
-        table.add_column(title, justify="right" if title else "left", no_wrap=True)
-    for k, which in enumerate(free_run_names(d, unit)):
+        table.add_column(title, justify="right" if title else "left", overflow="fold")
+    for k, which in free_run_names(d, unit).items():
         table.add_row(which, *(free_run(score, k) for _, score in models))
     return table
 
@@ -82,9 +84,9 @@ def _score(score: Score) -> list[str]:
 def _effects(d: Diagnosis, units: Units) -> Table:
     table = Table(box=box.SIMPLE, pad_edge=False)
     for title in ("cause", "parameter", "95 % interval", "error without it", "share", "p"):
-        table.add_column(title)
+        table.add_column(title, overflow="fold")
     for effect in d.effects:
-        told = [percent(effect.gain.nrmse_without), f"{100.0 * d.share(effect):.0f} %"]
+        told = [percent(effect.gain.nrmse_without), percent_of(d.share(effect))]
         first = [effect.name, *(["in no figure", "-"] if of_record(effect) else told)]
         rest = [*first[1:], number(effect.p_value, 2)]
         for k, (name, parameter) in enumerate(effect.parameters.items()):

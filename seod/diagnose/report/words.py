@@ -117,7 +117,8 @@ def _accounted(d: Diagnosis) -> Iterator[str]:
     if not account.asked:
         yield (
             f"Of the baseline's squared error {explained} is explained. Of the rest nobody can tell what is "
-            "systematic: the command sweeps, no two windows are alike."
+            "systematic: the command sweeps and no two windows are alike, or the plant that was found rings "
+            "or is at a limit of its range."
         )
         return
     least = "at least " if account.systematic > 0.0 else ""
@@ -262,6 +263,11 @@ def percent(nrmse: float) -> str:
     return f"{figure(100.0 * nrmse, 3)} %"
 
 
+def percent_of(part: float) -> str:
+    """A share for people: what is there is never 0 %."""
+    return f"{number(100.0 * part, 1)} %" if 0.0 < part < 0.01 else f"{100.0 * part:.0f} %"
+
+
 def offset_and_delay(d: Diagnosis, common: Common, unit: str) -> list[tuple[str, str, str]]:
     """What a baseline with both has of them: name, value and unit (`unit` of y).
 
@@ -285,14 +291,20 @@ MOST_RUNS: Final = 4
 """Recordings whose whole runs are told, at most."""
 
 
-def free_run_names(d: Diagnosis, unit: str) -> list[str]:
-    """What `free_run` tells, of each recording."""
-    runs = d.extended.free_runs[:MOST_RUNS]
-    names = []
-    for k, run in enumerate(runs):
+def told_runs(d: Diagnosis) -> list[int]:
+    """Recordings whose whole runs are told, in their order: those held out go before the others."""
+    unseen = [run.unseen for run in d.extended.free_runs] or [False] * len(d.whole)
+    unseen_first = sorted(range(len(unseen)), key=lambda k: not unseen[k])
+    return sorted(unseen_first[:MOST_RUNS])
+
+
+def free_run_names(d: Diagnosis, unit: str) -> dict[int, str]:
+    """What `free_run` tells, by the recording that it is of."""
+    runs, names = d.extended.free_runs, {}
+    for k in told_runs(d) if runs else ():
         which = f" {k + 1}" if len(runs) > 1 else ""
-        kind = ", held out" if run.unseen else ""
-        names.append(f"whole run{which}{kind} [{unit}], from a fitted start (measured start)")
+        kind = ", held out" if runs[k].unseen else ""
+        names[k] = f"whole run{which}{kind} [{unit}], from a fitted start (measured start)"
     return names
 
 

@@ -63,8 +63,10 @@ class Budget:
         )
 
     def anew(self) -> Budget:
-        """The same, of which nothing was used."""
-        return replace(self, missed=False)
+        """The same, of which nothing was used; the clock of the wall goes on."""
+        other = replace(self, missed=False)
+        other._stop = self._stop
+        return other
 
     @property
     def total(self) -> float:
@@ -74,7 +76,7 @@ class Budget:
     @property
     def spent(self) -> bool:
         """Nothing is left; whoever asks leaves out what it was about to do."""
-        over = self.clock() - self._begin > self.total or self._too_late()
+        over = self.clock() - self._begin > self.total or self.too_late()
         self.missed |= over
         return over
 
@@ -116,9 +118,10 @@ class Budget:
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.clock() + seconds
-        return lambda: self.clock() > end or self._too_late()
+        return lambda: self.clock() > end or self.too_late()
 
-    def _too_late(self) -> bool:
+    def too_late(self) -> bool:
+        """Tells when the clock of the wall has ended the search."""
         self.stopped |= self.safety[0]() > self._stop
         return self.stopped
 

@@ -89,7 +89,7 @@ def _simplest(
     while True:
         plain = plainer(best, held_out, screen, enough)
         own, rest = thinned(plain, tried, held_out, screen, enough, above_noise(base.held))
-        if own is plain:
+        if own is best:
             return own, rest
         best = own
 

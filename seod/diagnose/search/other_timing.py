@@ -16,7 +16,7 @@ from seod.diagnose.tuning.record import COMMAND_TIMING
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.work import ParallelMap
@@ -48,7 +48,11 @@ class OtherTiming(NamedTuple):
 
 
 def other_timing(
-    found: Fitted, without: Mapping[str, Fitted], held_out: Cut, parallel: ParallelMap
+    found: Fitted,
+    without: Mapping[str, Fitted],
+    held_out: Cut,
+    parallel: ParallelMap,
+    over: Callable[[], bool] = lambda: False,
 ) -> OtherTiming | None:
     """The timing by which a set does without one of its causes and errs no more; None where none does.
 
@@ -57,6 +61,7 @@ def other_timing(
         without: Of each the set without it.
         held_out: Windows that no fit has seen.
         parallel: Maps a function over fits.
+        over: Tells when no further fit begins.
     """
     own, tick = Judged.of(found, held_out), found.cut.series[0].tick
     every = timings(found.cut.series)
@@ -66,7 +71,7 @@ def other_timing(
     for k, name in enumerate(causes):
         some = without[name], *tried[k * len(every) : (k + 1) * len(every)]
         nearest = min(some, key=lambda one: one.cost)
-        settled = _settled(nearest, found, without[name], parallel)
+        settled = _settled(nearest, found, without[name], parallel, over)
         if settled is None:
             continue
         timing = Timing.told_by(settled.cut.series[0])
@@ -84,7 +89,9 @@ def _timed(fitted: Fitted, timing: Timing) -> Fitted:
     return fit(fitted.model, cut, fitted.x, start, COMMAND_TIMING.fit_steps)
 
 
-def _settled(nearest: Fitted, found: Fitted, fewer: Fitted, parallel: ParallelMap) -> Fitted | None:
+def _settled(
+    nearest: Fitted, found: Fitted, fewer: Fitted, parallel: ParallelMap, over: Callable[[], bool]
+) -> Fitted | None:
     """Of a set without a cause the one with the time that fits best, near the nearest that was tried.
 
     None where that is not promised to come halfway from the set without the cause to that with it.
@@ -93,7 +100,7 @@ def _settled(nearest: Fitted, found: Fitted, fewer: Fitted, parallel: ParallelMa
     halfway = found.cost + COMMAND_TIMING.halfway * (fewer.cost - found.cost)
     if nearest.cost > halfway and nearest.cost - promised_by_lead(nearest, parallel) > halfway:
         return None
-    return beside_lead(nearest, parallel, lambda: False)
+    return beside_lead(nearest, parallel, over)
 
 
 def _given(cut: Cut, timing: Timing) -> Cut:

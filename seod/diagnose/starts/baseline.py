@@ -16,7 +16,6 @@ from seod.diagnose.fitting.initial_states import measured_places, simulated_stat
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.linear_gain import linear_gain
 from seod.diagnose.fitting.model import baseline_model
-from seod.diagnose.record.series import dominant_hz
 from seod.diagnose.record.windows import Cut, beginnings, sample, segments, undivided
 from seod.diagnose.starts.sizes import largest_force
 from seod.diagnose.tuning.starts import BASELINE, SIZES
@@ -97,8 +96,8 @@ def baseline(
 
 
 def _swung(cut: Cut, sees_speed: bool, fixed: Fixed) -> Fitted:
-    at = cut.series[cut.windows[0][0]]
-    omega = BASELINE.above_limit_cycle * 2.0 * math.pi * dominant_hz(at.t, at.y, at.good)
+    period_s = cut.series[cut.windows[0][0]].period_s
+    omega = BASELINE.above_limit_cycle * 2.0 * math.pi / period_s
     return unchanged(
         *_begun(_grid_point(cut, sees_speed, fixed, (omega, BASELINE.limit_cycle_damping)), cut), cut
     )
@@ -124,7 +123,7 @@ class _GridPoint(NamedTuple):
 def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> list[_GridPoint]:
     """A grid over omega_n and zeta, K_L and loads solved for in each point; the best first."""
     one = cut.series[cut.windows[0][0]]
-    omega = 2.0 * math.pi * dominant_hz(one.t, one.y, one.good)
+    omega = 2.0 * math.pi / one.period_s
     slowest = max(BASELINE.lowest_frequency * omega, _slowest(cut))
     fastest = max(BASELINE.fastest_ticks / one.tick, BASELINE.least_range * slowest)
     frequencies = np.geomspace(slowest, fastest, BASELINE.frequencies)

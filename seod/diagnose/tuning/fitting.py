@@ -224,8 +224,11 @@ class Uncertainty:
     """[parts] More than one, without which nothing is said of how they pull. Chosen."""
     upper_end: float = 0.975
     """[-] Of an interval's probability. The contract's."""
-    near_limit: float = 1e-6
-    """[-] Part of a searched number's range at whose ends it counts as being there. Chosen."""
+    near_null: float = 1e-6
+    """[-] Part of a searched number's range at whose end it does nothing, if that is there. Chosen."""
+    near_limit: float = 1e-4
+    """[-] Likewise of an end at which it does something: it is told to be at its limit. Chosen: fits stop
+    at up to 1e-5 from it."""
     derivative_step: float = 1e-4
     """[-] Change of a searched number by which its interval's derivatives are taken. Chosen."""
 

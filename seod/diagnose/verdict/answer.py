@@ -33,7 +33,7 @@ from seod.diagnose.tuning.search import PRUNE
 from seod.diagnose.tuning.verdict import ANSWER
 from seod.diagnose.verdict.figures import drawn, score, windows
 from seod.diagnose.verdict.next_experiment import beyond_a_relay, next_experiment
-from seod.diagnose.verdict.unexplained import systematic_part, unexplained
+from seod.diagnose.verdict.unexplained import relevant, systematic_part, unexplained
 from seod.terminal.text import number, with_sd
 from sim.effects import EFFECTS
 
@@ -132,15 +132,20 @@ def answered(
     behind = left_behind(searched.effects, searched.held) if others else ()
     chosen = searched.chosen
     account, yardstick = accounted(chosen.over_all, best, held, searched.held, noise_alone=chosen.noise_alone)
-    if not rare and held.adequacy >= HELD_OUT.adequate:
+    if rare:
+        rest = relevant(rest, max(held.nrmse, best.nrmse), relevance)
+        rare = rare if rest.fraction > 0.0 else ()
+    elif held.adequacy >= HELD_OUT.adequate:
         rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(searched.effects))
     defects = _record_effects(checked, searched.chosen.held, best)
     for shown in _by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
     every = (*searched.effects, *defects)
+    verdict = _verdict(every, rest)
+    before, after, clean = baseline.holdout_nrmse, extended.holdout_nrmse, verdict == "clean"
     return Diagnosis(
-        verdict=_verdict(every, rest),
+        verdict=verdict,
         baseline=baseline,
         effects=every,
         extended=extended,
@@ -163,7 +168,7 @@ def answered(
             *other_sizes(searched.effects),
             *(SWEPT.format(name=each.name) for each in searched.effects if _swept(each, held)),
         ),
-        grade=graded(baseline.holdout_nrmse, extended.holdout_nrmse, held.adequacy, account),
+        grade=graded(before, after, held.adequacy, account, clean=clean),
         account=account,
         yardstick=yardstick,
         relevance=relevance,
@@ -347,8 +352,8 @@ def _windows(searched: Searched, base: HeldOut, best: HeldOut) -> list[Window]:
 
 
 def _candidates(searched: Searched) -> tuple[Candidate, ...]:
-    """Causes that were tried alone, by what they save of the mean log error."""
-    reference = max(one.cost for one in searched.grown.best)
+    """Causes that were tried alone, by what they save of the mean log squared error."""
+    reference = searched.grown.best[-1].cost
     names = {each.name for each in searched.effects}
     alone = [(one.model.names[0], one) for one in searched.grown.tried.values() if len(one.model.names) == 1]
     out = (Candidate(name, reference - one.cost, name in names) for name, one in alone)

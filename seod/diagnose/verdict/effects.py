@@ -89,7 +89,8 @@ def found_effects(
         numbers = effect_parameters(chosen.last, OFFSET, spread)
         gain = Gain(chosen.drift.without, chosen.drift.with_it)
         again = _in_other_recordings(chosen, OFFSET)
-        out.append(FoundEffect(OFFSET, numbers, gain, chosen.drift.p_value, holdout=again))
+        by_chance = min(1.0, causes * chosen.drift.p_value)
+        out.append(FoundEffect(OFFSET, numbers, gain, by_chance, holdout=again))
     return sorted(out, key=lambda each: -each.gain.nrmse_without)
 
 

@@ -120,23 +120,33 @@ def follow(record: NDArray[np.void], t: Array, u: Array) -> tuple[Array, Array]:
 
 
 def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> tuple[Array, float]:
-    """The model's searched numbers that come nearest to a run, and the rms that it leaves over the noise."""
-    low, high = model.bounds
+    """The model's searched numbers that come nearest to a run, and the rms that it leaves over the noise.
 
-    def residual(x: Array) -> Array:
-        y, _ = follow(model.record(np.clip(x, low, high)), run.t, run.u)
+    Those that are known stay as they are.
+    """
+    low, high = model.bounds
+    free = low < high
+
+    def every(some: Array) -> Array:
+        x = low.copy()
+        x[free] = np.clip(some, low[free], high[free])
+        return x
+
+    def residual(some: Array) -> Array:
+        y, _ = follow(model.record(every(some)), run.t, run.u)
         gone = TRIAL.gone
         left: Array = np.nan_to_num((y - run.y) / noise, nan=gone, posinf=gone, neginf=-gone)
         return left
 
     best_x, best = np.empty(0), math.inf
     for begin in begins:
-        inside = np.clip(begin, low + 1e-9, high - 1e-9)
-        step = [TRIAL.derivative_step] * len(begin)
+        bounds = low[free], high[free]
+        inside = np.clip(begin[free], bounds[0] + 1e-9, bounds[1] - 1e-9)
+        step = [TRIAL.derivative_step] * len(inside)
         answer = least_squares(
-            residual, inside, bounds=(low, high), diff_step=step, x_scale="jac", max_nfev=TRIAL.tries
+            residual, inside, bounds=bounds, diff_step=step, x_scale="jac", max_nfev=TRIAL.tries
         )
         rms = math.sqrt(2.0 * float(answer.cost) / len(run.t))
         if rms < best:
-            best_x, best = answer.x, rms
+            best_x, best = every(answer.x), rms
     return best_x, best

@@ -46,11 +46,16 @@ def systematic_part(
     if left.fraction == 0.0:
         return left
     if account is None or not account.asked or rest >= 1.0 or (not named and untold(account, rest)):
-        return left if rest > relevance else Unexplained(0.0)
+        return relevant(left, rest, relevance)
     above = account.explained + account.systematic
     if not account.systematic_nrmse > relevance or not above > 0.0:
         return Unexplained(0.0)
     return replace(left, fraction=account.systematic / above)
+
+
+def relevant(left: Unexplained, rest: float, relevance: float) -> Unexplained:
+    """What is left, where its NRMSE (`rest`) counts; else nothing."""
+    return left if rest > relevance else Unexplained(0.0)
 
 
 def _fraction(before: float, after: float, extended: HeldOut) -> Unexplained:
