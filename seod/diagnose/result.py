@@ -74,17 +74,20 @@ class FreeRun:
         from_measured: From the first sample, at rest.
         from_fitted: From an initial state fitted to the first fifth of a window.
         unseen: No fit has seen the recording.
+        nrmse: `from_fitted` over the recording's own standard deviation.
     """
 
     from_measured: float
     from_fitted: float
     unseen: bool = False
+    nrmse: float = math.nan
 
     def as_json(self) -> dict[str, Any]:
         """By these names."""
         return {
             "rms_from_measured": finite_or_none(self.from_measured),
             "rms_from_fitted": finite_or_none(self.from_fitted),
+            "nrmse_from_fitted": finite_or_none(self.nrmse),
             "holdout": self.unseen,
         }
 

@@ -164,7 +164,7 @@ def test_terminal_page_and_picture_are_in_mm_and_the_answer_in_m(found, monkeypa
     result = CliRunner().invoke(app, ["diagnose", str(path), "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert re.search(r"level +250000 ± 5000 mm/s\^2", result.stdout)
-    assert "K_L [mm/s/V]" in result.stdout
+    assert re.search(r"K_L\n.*\[mm/s/V\]", result.stdout)
     html = (out / "report.html").read_text("utf-8")
     assert "level = 250000 ± 5000 mm/s^2" in html
     assert not re.search(r"\bm/s|\[m\]", re.sub("<style>.*?</style>", "", html))

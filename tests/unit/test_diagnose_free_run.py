@@ -69,6 +69,7 @@ def test_errors_of_whole_runs_are_in_the_unit_of_y_and_tell_which_start(rig):
     assert far.as_json() == {
         "rms_from_measured": far.from_measured,
         "rms_from_fitted": far.from_fitted,
+        "nrmse_from_fitted": pytest.approx(far.from_fitted / np.std(moved.y), rel=1e-6),
         "holdout": True,
     }
 

@@ -314,7 +314,10 @@ def test_a_record_of_noise_alone_is_told():
 
 
 def test_times_in_milliseconds_are_suspected():
-    assert "--units t=ms" in examine(recording(noisy(), 1000.0 * T)).remarks[0]
+    slow = recording(noisy(), 1000.0 * T)
+    assert "--units t=ms" in examine(slow).remarks[0]
+    doubted = Problem("unit", Path("run.csv"), "t", np.array([], np.int64), "has no unit")
+    assert not [each for each in examine(replace(slow, problems=(doubted,))).remarks if "ms?" in each]
 
 
 def test_times_that_are_told_to_be_in_seconds_are_believed():

@@ -38,7 +38,8 @@ def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> 
     out = []
     for k, (one, rows) in enumerate(zip(series, every.slices, strict=True)):
         simulated, _ = whole(model, x, every, k)
-        out.append(FreeRun(_rms(one, placed[rows]), _rms(one, simulated), unseen=k >= fitted))
+        fitted_rms, deviation = _rms(one, simulated), max(float(np.std(one.y[one.good])), 1e-300)
+        out.append(FreeRun(_rms(one, placed[rows]), fitted_rms, k >= fitted, fitted_rms / deviation))
     return tuple(out)
 
 

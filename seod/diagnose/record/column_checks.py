@@ -59,7 +59,8 @@ def column_remarks(name: str, recording: Recording) -> list[str]:
         return []
     t, u, y = recording.t[both], u[both], y[both]
     remarks = []
-    if recording.rate_hz < COLUMNS.slowest_hz and not recording.read_in.get("t"):
+    told = recording.read_in.get("t") or _is_doubted(recording)
+    if recording.rate_hz < COLUMNS.slowest_hz and not told:
         remarks.append(
             f"{name}: {recording.rate_hz:.3g} samples a second: is t in ms? Then give --units t=ms"
         )
@@ -122,7 +123,7 @@ def time_remarks(recording: Recording, omega_n: float) -> list[str]:
 
     Nothing where the rate has been doubted already.
     """
-    doubted = recording.rate_hz < COLUMNS.slowest_hz or any(p.kind == "unit" for p in recording.problems)
+    doubted = recording.rate_hz < COLUMNS.slowest_hz or _is_doubted(recording)
     if recording.read_in.get("t") or doubted or not 0.0 < omega_n < COLUMNS.slowest_plant:
         return []
     fast = [each for each in _OF_TIME.items() if each[1] * omega_n >= COLUMNS.slowest_plant]
@@ -131,6 +132,11 @@ def time_remarks(recording: Recording, omega_n: float) -> list[str]:
         f"{recording.paths[0]}: t has no unit and is taken to be in s: omega_n is {omega_n:.3g} rad/s. "
         f"If it is in {unit}, omega_n is {factor * omega_n:.3g} rad/s: `--units t={unit}` says so"
     ]
+
+
+def _is_doubted(recording: Recording) -> bool:
+    """Whether the reader of the file has said already that times may be in another unit."""
+    return any(problem.kind == "unit" for problem in recording.problems)
 
 
 def _unit(ratio: float) -> str:

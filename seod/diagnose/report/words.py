@@ -315,4 +315,4 @@ def free_run(score: Score, k: int) -> str:
         figure(each, 3) if math.isfinite(each) else "leaves it"
         for each in (run.from_fitted, run.from_measured)
     )
-    return f"{fitted} ({measured})"
+    return f"{fitted} ({measured})" + (f", {percent(run.nrmse)}" if math.isfinite(run.nrmse) else "")

@@ -321,9 +321,9 @@ def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
 
 
 def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
-    best, one = searched.chosen.last, held_out.series[0]
-    volts = float(np.max(np.abs(one.u)))
-    asked = best.model, best.x, one.noise, volts, one.tick
+    best, every = searched.chosen.last, held_out.series
+    volts = max(float(np.max(np.abs(one.u))) for one in every)
+    asked = best.model, best.x, max(one.noise for one in every), volts, max(one.tick for one in every)
     told = next_experiment(searched.effects, *asked)
     return told or (beyond_a_relay(*asked) if best.model.scales.two_commands else None)
 
