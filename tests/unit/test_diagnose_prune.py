@@ -120,6 +120,19 @@ def test_what_a_slow_offset_of_the_sensor_explains_is_no_cause(
     assert (prune._unidentified(own, {"load_spring": rest}, 0.01, SCREEN) == [rest]) is leaves
 
 
+@pytest.mark.usefixtures("no_chance")
+@pytest.mark.parametrize(("saved", "leaves"), [(0.2, True), (1.2, False)])
+def test_where_noise_is_white_an_effect_that_saves_little_is_asked_beside_a_slow_offset_too(
+    monkeypatch, saved, leaves
+):
+    """A zero that wandered by half of the noise was an unequal gain, behind which white noise was left."""
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: False)
+    monkeypatch.setattr(prune, "part_beside_slow_offset", lambda *_: 0.9 * PRUNE.beside_slow_offset)
+    own, rest = judged(-3.0, 0.01, adequacy=1.0), judged(saved - 3.0, 0.011)
+    assert (prune._unidentified(own, {"asymmetric_gain": rest}, 1e-6, SCREEN) == [rest]) is leaves
+
+
 class WindowsHeldOut:
     """Errors of each row of windows of so many rows that no fit has seen."""
 

@@ -20,6 +20,7 @@ from seod.diagnose.tuning.fitting import UNCERTAINTY
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
+    from seod.diagnose.causes.record import Coordinate
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.normal_equations import Normal
@@ -181,13 +182,22 @@ def _limits(fitted: Fitted) -> list[tuple[str, float]]:
         low, high = c.bounds
         if not low < high:  # it is known
             continue
-        null, part = _null(c.place), (x - low) / (high - low)
+        null = _null(c.place)
         off_below, off_above = null == 0.0 and c.low >= 0.0, null == math.inf
-        if 1.0 - part < (UNCERTAINTY.near_null if off_above else UNCERTAINTY.near_limit):
+        if high - x < _near(c, high, off=off_above):
             out.append((c.place, math.inf if off_above else math.nan))
-        elif part < (UNCERTAINTY.near_null if off_below else UNCERTAINTY.near_limit):
+        elif x - low < _near(c, low, off=off_below):
             out.append((c.place, 0.0 if off_below else math.nan))
     return out
+
+
+def _near(coordinate: Coordinate, end: float, *, off: bool) -> float:
+    """How far from an end of its range a number counts as being there; `off`: it does nothing there."""
+    low, high = coordinate.bounds
+    if off:
+        return UNCERTAINTY.near_null * (high - low)
+    size = 1.0 if coordinate.logarithm else abs(end)
+    return UNCERTAINTY.near_limit * min(high - low, size)
 
 
 def _null(place: str) -> float:

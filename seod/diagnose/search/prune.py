@@ -187,11 +187,12 @@ def _in_windows_alone(own: Judged, fewer: Judged) -> bool:
 def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) -> bool:
     """Whether a sensor whose zero moves slowly explains what an effect does, so that it saves no more.
 
-    Where the set leaves white noise the sensor has no such offset, nor one as large as the movement. Under a
-    relay the noise may be white all the same: commands answer to the offset, and an effect makes up for them.
+    Where the set leaves white noise the sensor has no offset of which an effect saves much, nor one as large
+    as the movement. Under a relay the noise may be white all the same: commands answer to the offset, and an
+    effect makes up for them.
     """
     white = own.held.adequacy <= HELD_OUT.adequate and not own.found.cut.relayed
-    if white or fewer.held.nrmse > PRUNE.most_offset:
+    if (white and _much(fewer, own)) or fewer.held.nrmse > PRUNE.most_offset:
         return False
     return part_beside_slow_offset(own.found, fewer.found, screen.parallel) < PRUNE.beside_slow_offset
 

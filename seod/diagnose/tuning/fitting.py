@@ -227,8 +227,8 @@ class Uncertainty:
     near_null: float = 1e-6
     """[-] Part of a searched number's range at whose end it does nothing, if that is there. Chosen."""
     near_limit: float = 1e-4
-    """[-] Likewise of an end at which it does something: it is told to be at its limit. Chosen: fits stop
-    at up to 1e-5 from it."""
+    """[-] Part of an end's own size, or of the range if that is smaller, by which a number counts as being
+    there, where it does something: it is told to be at its limit. Chosen: fits stop at up to 1e-5 from it."""
     derivative_step: float = 1e-4
     """[-] Change of a searched number by which its interval's derivatives are taken. Chosen."""
 
