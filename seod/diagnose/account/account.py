@@ -77,7 +77,7 @@ def accounted(
         seen: Its simulation of the windows that were fitted.
         held: Of those held out.
         base: The baseline's of the same.
-        predicted: The model was fitted by prediction errors: ARX and NARX have to come nearer in these alone.
+        predicted: The model was fitted by prediction errors: see `beaten`.
         noise_alone: The same set fitted so leaves nothing systematic. What this one does is of its numbers,
             which noise has moved.
     """
@@ -132,7 +132,7 @@ def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:
 
 
 def systematic(
-    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool = False
+    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool
 ) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)

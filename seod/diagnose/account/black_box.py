@@ -51,7 +51,7 @@ class Fold(NamedTuple):
 
 
 def foretold(
-    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, in_loop: bool = False
+    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, in_loop: bool
 ) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 

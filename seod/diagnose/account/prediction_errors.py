@@ -131,5 +131,5 @@ def answered(fitted: Fitted) -> bool:
 
 
 def _saved(without: Fitted, found: Fitted) -> float:
-    """Of the mean log error by one of a set's effects."""
+    """Of the mean log squared error, by one of a set's effects."""
     return without.cost - found.cost
