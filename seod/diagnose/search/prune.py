@@ -197,7 +197,7 @@ def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) ->
 
 
 def _saved(without: float, with_it: float) -> float:
-    """Of the log error."""
+    """Of the log NRMSE."""
     return math.log(without + 1e-300) - math.log(with_it + 1e-300)
 
 

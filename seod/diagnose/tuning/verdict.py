@@ -54,8 +54,8 @@ class FoundEffects:
     """What could stand in a found effect's place."""
 
     near: float = 2.0
-    """[-] Mean log error of a set with another cause above that of the found one, over what an effect must
-    save, up to which it is fitted to all windows. Chosen."""
+    """[-] Mean log squared error of a set with another cause above that of the found one, over what an
+    effect must save, up to which it is fitted to all windows. Chosen."""
     surely_worse: float = 0.05
     """[-] Chance by which windows held out would foretell a set with another cause as much less well, below
     which it is worse. Chosen: as usual."""
