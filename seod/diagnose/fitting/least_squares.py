@@ -41,7 +41,6 @@ class Fitted:
         start: Initial states, shape (w, 7).
         error: Mean squared error of each window, shape (w,).
         cost: Mean of the windows' log squared errors, by rows.
-        curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
     """
 
     model: Model
@@ -50,7 +49,6 @@ class Fitted:
     start: Array
     error: Array
     cost: float
-    curvature: Array
 
     @property
     def excess(self) -> float:
@@ -128,7 +126,6 @@ class LeastSquares:
     ) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
         at = Place(x, start, *self.tried(x, start))
-        curvature = np.zeros((len(x), len(x)))
         damping = FIT.first_damping
         for _ in range(most):
             if ended():
@@ -138,7 +135,6 @@ class LeastSquares:
                 at = Place(at.x, at.start, *self.tried(at.x, at.start))
             before = self.cost(at.error)
             parts = self.derivatives(*at)
-            curvature = parts.curvature()
             if len(self.free) and self._hardly_promises(parts, enough):
                 break
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
@@ -155,7 +151,7 @@ class LeastSquares:
         if self.soft is not None:
             self.soft = None
             at = at._replace(error=self.tried(at.x, at.start)[1])
-        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error), curvature)
+        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error))
 
     def _hardly_promises(self, parts: Normal, enough: float) -> bool:
         """Whether no step saves a good part of what is enough of the mean log squared error.

@@ -138,13 +138,9 @@ class Cut:
         """Whether any row has an error that says nothing."""
         return bool(np.any(self.slack > 0.0))
 
-    def started(self, part: float = WINDOWS.settling_part) -> Mask:
-        """Rows in the first part of their window, end to end."""
-        parts = []
-        for k, first, last in self.windows:
-            t = self.series[k].t[first:last]
-            parts.append(_in_first(part, t))
-        return np.concatenate(parts)
+    def started(self) -> Mask:
+        """Rows in the first part of their window, in which it settles, end to end."""
+        return np.concatenate([_settling(self.series[k].t[first:last]) for k, first, last in self.windows])
 
     def only(self, chosen: Iterable[int]) -> Cut:
         """Some of the windows."""
@@ -203,7 +199,7 @@ def _windows(recording: Series) -> list[tuple[int, int]]:
 def can_be_scored(recording: Series, first: int, last: int) -> bool:
     """Whether a window held out has samples to settle its initial state, and some after them."""
     t, good = recording.t[first:last], recording.good[first:last]
-    settles = _in_first(WINDOWS.settling_part, t)
+    settles = _settling(t)
     return bool(np.any(good & settles) and np.any(good & ~settles))
 
 
@@ -218,9 +214,11 @@ def _within(recording: Series, first: int, last: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in pairwise(rows)]
 
 
-def _in_first(part: float, t: Array) -> Mask:
-    """Rows of a window in that part of its time, shape (n,)."""
-    end = part * float(t[-1] - t[0]) - WINDOWS.at_edge * float(t[-1] - t[0]) / max(len(t) - 1, 1)
+def _settling(t: Array) -> Mask:
+    """Rows of a window in the first part of its time, shape (n,)."""
+    end = WINDOWS.settling_part * float(t[-1] - t[0]) - WINDOWS.at_edge * float(t[-1] - t[0]) / max(
+        len(t) - 1, 1
+    )
     return np.asarray(t - t[0] < end)
 
 
