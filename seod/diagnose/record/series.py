@@ -47,7 +47,8 @@ class Series:
         tick: Median interval of its samples [s].
         levels: How many different commands it has.
         blocks: (first row, row after the last) of the parts that windows are cut from.
-        drive: Times and volts that the valve is given: the commands, or what runs straight on between.
+        other_drive: Times [s] and volts that the valve is given where commands are not simulated as recorded,
+            such as what runs straight on between them; None: they are.
         held: Most rows repeat a reading, and are not `good`.
         timed: It is told when commands were given: by a column, or by the user.
         lead: By how many rows earlier than held from where they are recorded, on average, they are given.
@@ -73,7 +74,7 @@ class Series:
     tick: float
     levels: int
     blocks: tuple[tuple[int, int], ...]
-    drive: tuple[Array, Array]
+    other_drive: tuple[Array, Array] | None = None
     held: bool = False
     timed: bool = False
     lead: float = 0.0
@@ -83,6 +84,16 @@ class Series:
     def errs_as_it_moves(self) -> bool:
         """Whether the sensor alone errs more where the load moves: by its steps, or by when it is read."""
         return self.step > 0.0 or self.late > 0.0
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether commands are simulated as they are recorded: each from its row to the next."""
+        return self.other_drive is None
+
+    @property
+    def drive(self) -> tuple[Array, Array]:
+        """Commands as they are simulated: times [s] and volts, of shape (m,) each."""
+        return self.other_drive or (self.t_u, self.u)
 
     @property
     def runs_on(self) -> bool:
@@ -124,10 +135,7 @@ class Series:
         rows["force"] = _means(self.force, kept)
         blocks = tuple((int(a), int(b)) for a, b in np.searchsorted(kept, self.blocks))
         tick = float(np.median(np.diff(rows["t"])))
-        drive = (self.t_u[changes], self.u[changes]) if self.drive[0] is self.t_u else self.drive
-        return replace(
-            self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks, drive=drive
-        )
+        return replace(self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks)
 
     def kept(self, stride: int) -> Rows:
         """Every so manieth row; of a sensor that repeats its readings, of those with a new one."""
@@ -210,7 +218,7 @@ def series(
         tick=float(np.median(np.diff(t))),
         levels=len(np.unique(u)),
         blocks=((0, len(t)),),
-        drive=straight_on(t_u, u) if hold == "first" else (t_u, u),
+        other_drive=straight_on(t_u, u) if hold == "first" else None,
         held=taken is not None,
         timed=hold is not None or (recording.t_u is not None and not np.array_equal(t_u, recording.t)),
         late=late,
