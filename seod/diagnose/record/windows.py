@@ -222,9 +222,14 @@ def _settling(t: Array) -> Mask:
     return np.asarray(t - t[0] < end)
 
 
-def whole_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+def all_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
     """All windows of recordings: (which, first row, row after the last)."""
     return tuple((k, first, last) for k, one in enumerate(every) for first, last in _windows(one))
+
+
+def one_window_each(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+    """Each recording as one window."""
+    return tuple((k, 0, len(one.t)) for k, one in enumerate(every))
 
 
 def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
@@ -235,7 +240,7 @@ def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
         for of, first, last in held_out.windows:
             good[first:last] &= of != k
         out.append(replace(one, good=good, blocks=((0, len(one.t)),)))
-    return Cut(out, whole_windows(out))
+    return Cut(out, all_windows(out))
 
 
 def hardly_settle(every: Cut) -> bool:
