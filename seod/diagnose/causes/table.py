@@ -35,7 +35,7 @@ SETTLED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not N
 """Causes with which the search goes on from the grid's plants with their plain form."""
 RAMPED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not None and one.grid.ramps)
 """Causes whose plants of the grid have ramps for the relay's switches."""
-LATE, LATE_PLACE = next((name, f"{name}.time") for name, one in CAUSES.items() if one.delays)
+LATE, LATE_PLACE = next((name, f"{name}.{one.pure_delay}") for name, one in CAUSES.items() if one.pure_delay)
 """The cause that is a delay and nothing else, and its parameter."""
 SHAKES: Final = next(name for name, one in CAUSES.items() if one.wave and one.wave.over == "time")
 """The cause that is a wave over time: a limit cycle may have locked to it."""
