@@ -22,6 +22,24 @@ ANSWER: Final = Answer()
 
 
 @dataclass(frozen=True, slots=True)
+class Bootstrap:
+    """How sure a held-out error is, by drawing blocks of the windows."""
+
+    draws: int = 2000
+    """[-] Of so many blocks as there are. Chosen: the share of draws beyond an end is then known to a
+    deviation of 0.35 %."""
+    fewest_blocks: int = 20
+    """[blocks] To draw from, at least; windows are divided where there are fewer. Chosen."""
+    quantiles: tuple[float, float] = (0.025, 0.975)
+    """[-] Ends of the interval. The contract's: 95 %."""
+    seed: int = 1
+    """[-] Of the draws, so that an answer is the same again. Chosen."""
+
+
+BOOTSTRAP: Final = Bootstrap()
+
+
+@dataclass(frozen=True, slots=True)
 class ExperimentTrial:
     """A next experiment, simulated."""
 
