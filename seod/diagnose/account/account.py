@@ -10,7 +10,7 @@ import numpy as np
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.chance import may_pass, usable
 from seod.diagnose.account.load_noise import on_load
-from seod.diagnose.account.loop import answers
+from seod.diagnose.account.loop import is_closed
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
 from seod.diagnose.account.with_movement import comes_with_movement
 from seod.diagnose.account.yardstick import beaten, yardstick
@@ -128,7 +128,7 @@ def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:
     errors = [noise.whitened(np.where(one.scored, one.error, 0.0)) for one in parts]
     past = [noise.has_past(one.scored) for one in parts]
     known = [np.where(some, error, 0.0) for some, error in zip(past, errors, strict=True)]
-    return any(one.relayed for one in every) or answers([one.u for one in parts], known)
+    return any(one.relayed for one in every) or is_closed([one.u for one in parts], known)
 
 
 def systematic(

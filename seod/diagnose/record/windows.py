@@ -332,7 +332,7 @@ def _row(kept: Rows, row: int) -> int:
 def _stride(recording: Series) -> int:
     """Samples of a relay's recording of which one is enough: between them the others are as they were.
 
-    A limit cycle is smooth; what swings after each switch of slow commands is not.
+    A limit cycle is smooth; what oscillates after each switch of slow commands is not.
     """
     stride = (
         max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.tick)))
