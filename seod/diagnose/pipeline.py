@@ -38,7 +38,8 @@ from seod.diagnose.starts.common_baseline import common_baseline
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM, SERIES
 from seod.diagnose.tuning.verdict import PIPELINE
-from seod.diagnose.verdict.answer import EXCHANGED, Searched, answered, most_left, trimmed, unseen_by_fits
+from seod.diagnose.verdict.answer import Searched, answered, most_left, trimmed, unseen_by_fits
+from seod.diagnose.verdict.remarks import EXCHANGED
 from seod.machine.limits import processors
 
 if TYPE_CHECKING:

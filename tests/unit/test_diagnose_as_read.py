@@ -20,7 +20,7 @@ from seod.diagnose.report.units import OF_READINGS, Units
 from seod.diagnose.result import Common, FreeRun
 from seod.diagnose.show.acting import acting
 from seod.diagnose.show.residual import residual
-from seod.diagnose.verdict.answer import DRIFTS, OTHER_SIZE
+from seod.diagnose.verdict.remarks import DRIFTS, OTHER_SIZE
 from sim.effects import power_of_y
 from sim.parameters import parameters
 from sim.runs import follow
