@@ -23,7 +23,8 @@ from diagnose_truth import RATE, linear, recording
 from scipy.signal import lfilter
 
 from seod.diagnose.account.account import Shown, accounted
-from seod.diagnose.account.black_box import _free, foretold
+from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.black_box_terms import free_movements
 from seod.diagnose.account.residual import (
     Plant,
     mean_square,
@@ -130,7 +131,7 @@ def test_chance_is_known_by_noise_of_the_same_colour(driven):
 @pytest.mark.parametrize("sees_speed", [True, False])
 def test_what_is_free_in_a_window_is_counted_once(sees_speed):
     """A direction more would be one of rounding, another in each unit."""
-    columns = _free(300, Plant(OMEGA_N, ZETA, sees_speed), OMEGA_N / RATE)
+    columns = free_movements(300, Plant(OMEGA_N, ZETA, sees_speed), OMEGA_N / RATE)
     assert columns.shape == (300, 3)
     assert np.linalg.cond(columns / np.linalg.norm(columns, axis=0)) < 1e6
 
