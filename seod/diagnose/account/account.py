@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.black_box import Foretold
     from seod.diagnose.account.residual import WindowResidual
+    from seod.diagnose.account.yardstick import Reached
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.repeats import Share
@@ -96,12 +97,8 @@ def accounted(
         every = [*parts, *own]
         shown = shown._replace(part=0.0, by="nothing", noise=colour(every), on_load=on_load(every, plant))
     elif other is not None:
-        alone = held.nrmse > GRADE.untold and shown.detectable > 1.0
-        chance = SYSTEMATIC.chance_alone if alone else SYSTEMATIC.chance
-        nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop, chance=chance)
-        if nearer.significant and nearer.square > shown.part * mean_square(own):
-            part = min(1.0, nearer.square / mean_square(own))
-            shown = shown._replace(part=part, by="yardstick", on_load=None)
+        total = mean_square(own)
+        shown = _by_yardstick(shown, seen, held, other, total, predicted=predicted, in_loop=in_loop)
     remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0
     account = Account(
         explained=1.0 - remains,
@@ -116,6 +113,28 @@ def accounted(
         on_load=shown.on_load,
     )
     return account, None if other is None else Yardstick(other.arx, other.narx, other.changes_with)
+
+
+def _by_yardstick(
+    shown: Shown,
+    seen: HeldOut,
+    held: HeldOut,
+    other: Reached,
+    total: float,
+    *,
+    predicted: bool,
+    in_loop: bool,
+) -> Shown:
+    """What is shown, or what ARX and NARX show, where that is more of the mean square `total`.
+
+    Less is asked of them where much is left, and nothing else would have shown anything.
+    """
+    alone = held.nrmse > GRADE.untold and shown.detectable > 1.0
+    chance = SYSTEMATIC.chance_alone if alone else SYSTEMATIC.chance
+    nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop, chance=chance)
+    if not (nearer.significant and nearer.square > shown.part * total):
+        return shown
+    return shown._replace(part=min(1.0, nearer.square / total), by="yardstick", on_load=None)
 
 
 def _is_a_plant(found: Fitted, held: Cut) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.record.coarse_sensor import readings
+from seod.diagnose.record.coarse_sensor import Readings, readings
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import DiagnoseError
@@ -193,28 +193,25 @@ def series(
     drifts = not sees_speed and len(t) > SERIES.drifting_rows
     noise = _noise(t, y, good, taken is not None)
     period_s = 1.0 / dominant_hz(t, y, good, noise if drifts else None)
-    least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
-    noise = max(noise, least) if math.isfinite(noise) else least
-    slack, level, allowed = 0.0, noise, noise
-    if step > 0.0:
-        y, slack, level, allowed, noise = readings(y, good, step, noise, held=taken is not None)
+    read = _readings(y, good, noise, step, late, held=taken is not None)
+    supply, warmth, force = _channels(recording, nominal_ps, nominal_temperature, nominal_f)
     return Series(
         t=t,
-        y=y,
+        y=read.y,
         good=good,
         t_u=t_u,
         u=u,
-        supply=_relative(recording.ps, nominal_ps),
-        warmth=_above(recording.temperature, nominal_temperature),
-        force=_on_the_way(_above(recording.f, nominal_f)),
-        noise=noise,
+        supply=supply,
+        warmth=warmth,
+        force=force,
+        noise=read.noise,
         window_s=_window_s(t, period_s),
         period_s=period_s,
         sees_speed=sees_speed,
         step=step,
-        slack=slack,
-        level=level,
-        allowed=allowed,
+        slack=read.slack,
+        level=read.level,
+        allowed=read.allowed,
         tick=float(np.median(np.diff(t))),
         levels=len(np.unique(u)),
         blocks=((0, len(t)),),
@@ -253,6 +250,24 @@ def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:
     times = (t_u[:, None] + wide[:, None] * parts).ravel()
     volts = (u[:, None] + high[:, None] * (parts + 0.5 / SERIES.steps_between)).ravel()
     return times, volts
+
+
+def _readings(y: Array, good: Mask, noise: float, step: float, late: float, *, held: bool) -> Readings:
+    """Samples, and how far their errors count; `noise` is what differences show, nan where nothing."""
+    least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
+    noise = max(noise, least) if math.isfinite(noise) else least
+    return readings(y, good, step, noise, held=held) if step > 0.0 else Readings(y, 0.0, noise, noise, noise)
+
+
+def _channels(
+    recording: Recording, nominal_ps: float | None, nominal_temperature: float | None, nominal_f: float | None
+) -> tuple[Array, Array, Array]:
+    """Supply, warmth and force; shape (0,) each where there is no such channel."""
+    return (
+        _relative(recording.ps, nominal_ps),
+        _above(recording.temperature, nominal_temperature),
+        _on_the_way(_above(recording.f, nominal_f)),
+    )
 
 
 def _noise(t: Array, y: Array, good: Mask, held: bool) -> float:
