@@ -460,3 +460,8 @@ def contradiction(effects: Mapping[str, Mapping[str, float]]) -> str:
     if values.get("stribeck_friction.speed", 1.0) < slowest:
         problems.append(f"stribeck_friction.speed must be at least {slowest:g}: its level / {STEEPEST:g}")
     return "; ".join(problems)
+
+
+def power_of_y(unit: str) -> int:
+    """Of the unit of y in a unit of the table: 1 in `unit/s^2`, -1 in `rad/unit`, 0 in `V`."""
+    return -1 if unit.endswith("/unit") else int(unit.startswith(("unit", "(unit")))

@@ -14,7 +14,7 @@ from seod.diagnose.pipeline import diagnose
 from seod.diagnose.record.column_checks import time_remarks
 from seod.diagnose.record.daemon_part import telling_part
 from seod.diagnose.result import RELEVANCE, DiagnoseError
-from seod.diagnose.show.bootstrap import with_intervals
+from seod.diagnose.verdict.bootstrap import with_intervals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

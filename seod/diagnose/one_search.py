@@ -16,11 +16,11 @@ from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.record.windows import (
     Cut,
     all_but,
+    all_windows,
     can_be_scored,
     cut,
     exchanged,
     fitted_windows,
-    whole_windows,
 )
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.beam import grow
@@ -110,7 +110,7 @@ def searched(
 def _with(held_out: Cut, others: Sequence[Series]) -> Cut:
     """Windows held out of the recordings, and all those of recordings that no fit sees."""
     every = [*held_out.series, *others]
-    more = [one for one in whole_windows(every) if one[0] >= len(held_out.series)]
+    more = [one for one in all_windows(every) if one[0] >= len(held_out.series)]
     told = (one for one in more if can_be_scored(every[one[0]], *one[1:]))
     return Cut(every, (*held_out.windows, *told))
 
@@ -225,7 +225,7 @@ def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: Way) -> tuple[Fitte
     """The set fitted to each recording after the first `seen` alone: whether sizes repeat."""
     if not last.model.names:
         return ()
-    every = [Cut([one], whole_windows([one])) for one in unseen.series[seen:]]
+    every = [Cut([one], all_windows([one])) for one in unseen.series[seen:]]
     return tuple(
         fitted_to_all_rows(last, one, way.parallel, way.budget.last_fit()) if one.windows else None
         for one in every

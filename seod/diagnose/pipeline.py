@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from seod.data.pauses import between_pauses
-from seod.diagnose.causes.table import LATE, WITHOUT_SIGN
+from seod.diagnose.causes.table import CAUSES, LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.command_lead import lead_remarks
 from seod.diagnose.fitting.judged import Judged
@@ -38,7 +38,8 @@ from seod.diagnose.starts.common_baseline import common_baseline
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM, SERIES
 from seod.diagnose.tuning.verdict import PIPELINE
-from seod.diagnose.verdict.answer import EXCHANGED, Searched, answered, most_left, trimmed, unseen_by_fits
+from seod.diagnose.verdict.answer import Searched, answered, most_left, trimmed, unseen_by_fits
+from seod.diagnose.verdict.remarks import EXCHANGED
 from seod.machine.limits import processors
 
 if TYPE_CHECKING:
@@ -319,7 +320,7 @@ def _types(recordings: Sequence[Recording], asked: Options) -> Types:
 
 def _fixed(asked: Options, effects: Mapping[str, Mapping[str, float]]) -> Fixed:
     """The rig's effects, and what the user tells."""
-    told = {} if asked.delay is None else {LATE: {"time": asked.delay}}
+    told = {} if asked.delay is None else {LATE: {CAUSES[LATE].pure_delay: asked.delay}}
     return Fixed({**effects, **told}, asked.gain, frozenset(told))
 
 

@@ -347,7 +347,7 @@ class Window:
         t: [s].
         u: Command [V].
         y: Measured; nan where no sample is, or none to believe.
-        ps: Supply pressure [Pa], or None.
+        ps: Supply pressure over nominal, or None.
         f: Measured disturbance, or None.
         y_baseline: Simulated.
         y_extended: Simulated; of the baseline where nothing was found.
@@ -386,7 +386,7 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A cause that was tried alone, and what it saved of the mean log error of windows fitted."""
+    """A cause that was tried alone, and what it saved of the mean log squared error of windows fitted."""
 
     name: str
     gain: float

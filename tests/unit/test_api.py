@@ -19,7 +19,7 @@ from diagnosis_example import example
 import seod
 import seod.diagnose.command as command_module
 from seod.cli import app
-from seod.diagnose.show.bootstrap import with_intervals
+from seod.diagnose.verdict.bootstrap import with_intervals
 from seod.machine import limits
 from tests.command_line import CliRunner
 

@@ -23,7 +23,8 @@ from diagnose_truth import RATE, linear, recording
 from scipy.signal import lfilter
 
 from seod.diagnose.account.account import Shown, accounted
-from seod.diagnose.account.black_box import _free, foretold
+from seod.diagnose.account.black_box import foretold
+from seod.diagnose.account.black_box_terms import free_movements
 from seod.diagnose.account.residual import (
     Plant,
     mean_square,
@@ -59,7 +60,7 @@ def test_noise_of_any_colour_is_not_systematic(driven, memory):
     u, states, effect = driven
     noise = coloured(memory, float(np.std(effect)))
     parts = parts_of(u, noise, states)
-    assert not foretold(parts, PLANT).share.significant
+    assert not foretold(parts, PLANT, in_loop=False).share.significant
     again = repeats([series(recording(u, states[2] + noise))], parts)
     assert again is None or not again.significant
 
@@ -70,7 +71,7 @@ def test_what_is_missing_is_systematic(driven, memory):
     u, states, effect = driven
     error = np.concatenate([each - each.mean() for each in np.split(effect, 8)])
     parts = parts_of(u, error + coloured(memory, 0.1 * float(np.std(error))), states)
-    box = foretold(parts, PLANT)
+    box = foretold(parts, PLANT, in_loop=False)
     rest = mean_square([one for one in box.rest if one.held_out])
     assert box.share.significant
     assert rest < 0.25 * box.share.square
@@ -87,8 +88,8 @@ def test_a_drift_that_does_not_repeat_hides_no_force():
     drift = np.cumsum(lfilter([1.0], [1.0, -0.98], random.normal(size=(8, N // 8)), axis=1), axis=1)
     drift = np.concatenate([each - each.mean() for each in drift])
     noise = 2.0 * np.std(drag) / np.std(drift) * drift + 0.1 * np.std(drag) * random.normal(size=N)
-    assert not foretold(parts_of(u, noise, states), PLANT).share.significant
-    share = foretold(parts_of(u, noise + drag, states), PLANT).share
+    assert not foretold(parts_of(u, noise, states), PLANT, in_loop=False).share.significant
+    share = foretold(parts_of(u, noise + drag, states), PLANT, in_loop=False).share
     assert share.significant
     assert 0.5 * np.var(drag) < share.square < 2.0 * np.var(drag)
 
@@ -101,11 +102,13 @@ def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
     drag = np.concatenate([each - each.mean() for each in np.split(effect, 8)])
     drag /= np.std(drag)
     noise = coloured(memory, 1.0)
-    box = foretold(parts_of(u, noise, states), PLANT)
+    box = foretold(parts_of(u, noise, states), PLANT, in_loop=False)
     assert not box.share.significant
 
     def shown(part):
-        return foretold(parts_of(u, noise + np.sqrt(part) * drag, states), PLANT).share.significant
+        return foretold(
+            parts_of(u, noise + np.sqrt(part) * drag, states), PLANT, in_loop=False
+        ).share.significant
 
     assert not math.isfinite(box.detectable) or shown(4.0 * box.detectable)
     assert not memory or not shown(0.0625)
@@ -115,7 +118,10 @@ def test_what_would_have_been_shown_is_known_before_it_is_there(driven, memory):
 def test_chance_is_known_by_noise_of_the_same_colour(driven):
     """A limit that noise itself would pass, or never come near, is none."""
     u, states, _ = driven
-    shares = [foretold(parts_of(u, coloured(0.9, 1.0, seed), states), PLANT).share for seed in range(20, 28)]
+    shares = [
+        foretold(parts_of(u, coloured(0.9, 1.0, seed), states), PLANT, in_loop=False).share
+        for seed in range(20, 28)
+    ]
     assert not any(one.significant for one in shares)
     scores = np.array([one.score for one in shares])
     limit = np.mean([one.limit for one in shares])
@@ -125,7 +131,7 @@ def test_chance_is_known_by_noise_of_the_same_colour(driven):
 @pytest.mark.parametrize("sees_speed", [True, False])
 def test_what_is_free_in_a_window_is_counted_once(sees_speed):
     """A direction more would be one of rounding, another in each unit."""
-    columns = _free(300, Plant(OMEGA_N, ZETA, sees_speed), OMEGA_N / RATE)
+    columns = free_movements(300, Plant(OMEGA_N, ZETA, sees_speed), OMEGA_N / RATE)
     assert columns.shape == (300, 3)
     assert np.linalg.cond(columns / np.linalg.norm(columns, axis=0)) < 1e6
 
@@ -151,7 +157,7 @@ def test_what_is_asked_of_a_speed_is_where_its_readings_say_that_the_load_is(sig
 @pytest.mark.slow
 def test_slow_noise_in_few_windows_could_hide_anything():
     u = noise_command()
-    box = foretold(parts_of(u, coloured(0.99, 1.0), moved(u)), PLANT)
+    box = foretold(parts_of(u, coloured(0.99, 1.0), moved(u)), PLANT, in_loop=False)
     assert not box.share.significant
     assert box.detectable > 0.25
 
@@ -161,7 +167,7 @@ def test_two_windows_held_out_are_enough(driven):
     u, states, effect = driven
     error = np.concatenate([each - each.mean() for each in np.split(effect, 4)])
     parts = parts_of(u, error + coloured(0.98, 0.6 * float(np.std(error))), states, 4)
-    share = foretold(parts, PLANT).share
+    share = foretold(parts, PLANT, in_loop=False).share
     assert share.significant
     assert share.square < mean_square([one for one in parts if one.held_out])
 
@@ -282,4 +288,4 @@ def test_windows_too_short_for_the_noises_memory_are_asked_as_if_it_were_white()
     u = multisine()
     parts = parts_of(u, coloured(0.95, 1.0), moved(u))
     holes = replace(parts[0], scored=parts[0].scored & (np.arange(len(parts[0].t)) % 4 > 0))
-    assert foretold([holes, *parts[1:]], PLANT) is not None
+    assert foretold([holes, *parts[1:]], PLANT, in_loop=False) is not None

@@ -14,13 +14,14 @@ from diagnosis_example import K_L, LEVEL, NOISE, OMEGA_N, ZETA, command, example
 import seod.diagnose.command as command_module
 from seod.cli import app
 from seod.data import read
-from seod.diagnose.report.as_read import as_read, power, scaled
+from seod.diagnose.report.as_read import as_read, scaled
 from seod.diagnose.report.text import as_text
 from seod.diagnose.report.units import OF_READINGS, Units
 from seod.diagnose.result import Common, FreeRun
 from seod.diagnose.show.acting import acting
 from seod.diagnose.show.residual import residual
-from seod.diagnose.verdict.answer import DRIFTS, OTHER_SIZE
+from seod.diagnose.verdict.remarks import DRIFTS, OTHER_SIZE
+from sim.effects import power_of_y
 from sim.parameters import parameters
 from sim.runs import follow
 from sim.state import new_state
@@ -105,8 +106,8 @@ def test_all_numbers_of_tables_are_in_that_unit(found):
     ],
 )
 def test_the_power_of_a_length_in_a_unit(unit, expected):
-    assert power(unit) == expected
-    assert power(OF_READINGS) == 1
+    assert power_of_y(unit) == expected
+    assert power_of_y(OF_READINGS) == 1
 
 
 @pytest.mark.parametrize(

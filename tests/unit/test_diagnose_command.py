@@ -20,7 +20,7 @@ from seod.config.load import load_rig
 from seod.data import read
 from seod.diagnose.command import Options, command_line, output_of, unit_of
 from seod.diagnose.result import DiagnoseError
-from seod.diagnose.show.bootstrap import with_intervals
+from seod.diagnose.verdict.bootstrap import with_intervals
 from seod.files.shipped import configs_dir
 from tests.command_line import CliRunner
 

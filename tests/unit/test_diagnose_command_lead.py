@@ -13,7 +13,7 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import base_sd, covariance
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut, cut, whole_windows
+from seod.diagnose.record.windows import Cut, all_windows, cut
 from seod.diagnose.starts.baseline import _rough
 
 
@@ -32,7 +32,7 @@ def last(one, as_recorded=False, fixed=None):
     model = baseline_model(_rough(to_fit, OMEGA_N), 1.0, False, fixed or {})
     x = model.searched(TRUTH)
     found = fit(model, to_fit, x, simulated_states(model, x, to_fit))
-    every = Cut([one], whole_windows([one]))
+    every = Cut([one], all_windows([one]))
     return fitted_to_all_rows(found, every, map, lambda: False, as_recorded)
 
 

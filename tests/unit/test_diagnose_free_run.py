@@ -12,6 +12,7 @@ from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import covariance
+from seod.diagnose.fitting.uncertainty import linear as linearised
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut, cut, fitted_windows
 
@@ -82,7 +83,7 @@ def test_the_last_fit_sees_the_rows_that_were_held_out_and_its_intervals_are_nar
     every = Cut(held_out.series, tuple(sorted((*to_fit.windows, *held_out.windows))))
     last = fitted_to_all_rows(halves, every, map, lambda: False)
     assert last.cut.good.sum() > 1.9 * halves.cut.good.sum()
-    by_noise = [np.linalg.inv(each.curvature)[0, 0] for each in (last, halves)]
+    by_noise = [np.linalg.inv(linearised(each)[0].curvature())[0, 0] for each in (last, halves)]
     assert np.sqrt(by_noise[0] / by_noise[1]) == pytest.approx(np.sqrt(0.5), rel=0.2)
     assert covariance(last)[0, 0] < covariance(halves)[0, 0]
     assert model.values(last.x)["K_L"] == pytest.approx(K_L, abs=4.0 * K_L * np.sqrt(covariance(last)[0, 0]))

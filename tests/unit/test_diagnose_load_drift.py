@@ -16,7 +16,7 @@ from seod.diagnose.fitting.load_drift import drifting_load
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import Cut
-from seod.diagnose.verdict.answer import other_zeros
+from seod.diagnose.verdict.remarks import other_zeros
 
 RATE, LASTS, SUBSTEPS = 200, 24.0, 8
 K_L, LAG, FRICTION, LOAD, DRIFT = 0.17, 2.1, 0.2, -0.03, 1.2e-3

@@ -13,7 +13,7 @@ import pytest
 from scipy.linalg import expm
 
 from seod.data import Recording
-from seod.diagnose.account.prediction_errors import Predictions, answered
+from seod.diagnose.account.prediction_errors import Predictions, in_closed_loop
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -105,7 +105,7 @@ def test_under_a_relay_that_answers_to_gusts_the_plant_is_found():
 def test_whether_commands_answer_to_what_disturbs_the_load_is_seen(command, loop):
     _, predicted = found(command)
     assert predicted is not None
-    assert answered(predicted.fitted) is loop
+    assert in_closed_loop(predicted.fitted) is loop
     assert (predicted.told is predicted.fitted) is loop
 
 

@@ -176,7 +176,7 @@ def test_where_nothing_can_be_compared_nobody_calls_it_chance():
     ],
 )
 def test_what_saves_much_may_show_in_fewer_windows(monkeypatch, saves, p_value, chance):
-    monkeypatch.setattr(prune, "further_causes", lambda *_: ())
+    monkeypatch.setattr(prune, "causes_tried", lambda _: 0)
     monkeypatch.setattr(prune, "may_be_chance", lambda *asked: p_value > asked[-1])
     own, rest = judged(-3.0, 0.1), judged(-3.0 + saves * PRUNE.surely)
     own.found.model.scales = None

@@ -202,9 +202,7 @@ def test_states_are_carried_on_where_one_reading_has_several_places():
     fitted, aside = cut([one])
     start = measured_places(fitted)
     start[:, 2] = places[[first for _, first, _ in fitted.windows]]
-    found = Fitted(
-        model, fitted, x, settle(model, fitted, x, start, fitted.good, 20), *(np.empty(0),), 0.0, np.empty(0)
-    )
+    found = Fitted(model, fitted, x, settle(model, fitted, x, start, fitted.good, 20), np.empty(0), 0.0)
     carried = carried_states(found, aside)
     truth = places[[first for _, first, _ in aside.windows]]
     assert np.abs(carried[:, 2] - truth).max() < 1e-3 * np.ptp(places)

@@ -35,9 +35,9 @@ from seod.diagnose.report.words import (
     told_runs,
 )
 from seod.diagnose.result import Common, FreeRun, Gain, Parameter, Unexplained
-from seod.diagnose.show.bootstrap import with_intervals
 from seod.diagnose.show.maps import Binned
-from seod.diagnose.verdict.answer import DRIFTS
+from seod.diagnose.verdict.bootstrap import with_intervals
+from seod.diagnose.verdict.remarks import DRIFTS
 from seod.diagnose.verdict.unexplained import _shares
 from seod.plots.style import style
 

@@ -12,18 +12,19 @@ from numpy.testing import assert_allclose
 from seod.diagnose.report.checks import _phase
 from seod.diagnose.result import Score
 from seod.diagnose.show.acting import acting
-from seod.diagnose.show.bootstrap import interval
 from seod.diagnose.show.distortion import harmonics, period
 from seod.diagnose.show.maps import binned, edges_of, explains, plane
-from seod.diagnose.show.residual import residual, scored
+from seod.diagnose.show.residual import residual
 from seod.diagnose.show.spectra import autocorrelation, cross_correlation, spectrum
+from seod.diagnose.verdict.bootstrap import interval
+from seod.diagnose.verdict.figures import scored_windows
 
 TRUTH = Score(K_L, OMEGA_N, ZETA, 0.0, 0.0, False)
 
 
 @pytest.fixture(scope="module")
 def windows():
-    return scored(example())
+    return scored_windows(example())
 
 
 def test_friction_is_a_force_with_the_sign_of_the_velocity(windows):

@@ -17,7 +17,6 @@ from seod.data import Recording
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting import beside
 from seod.diagnose.fitting.beside import beside_slow_offset, part_beside_slow_offset
-from seod.diagnose.fitting.free_run import whole_series
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
@@ -25,7 +24,7 @@ from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour
 from seod.diagnose.fitting.slow_offset import slow_part
 from seod.diagnose.fitting.uncertainty import covariance
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut
+from seod.diagnose.record.windows import Cut, one_window_each
 
 K_L, OMEGA_N, ZETA, HALF_WIDTH = 20.0, 100.0, 0.5, 0.08
 RATE, N = 500.0, 6000
@@ -72,7 +71,7 @@ def off(y, slow):
     x = model.searched(
         {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, "valve_deadband.half_width": HALF_WIDTH}
     )
-    cut = Cut([one], whole_series([one])).remembering((COLOUR,), 0.01 * size if slow else 0.0)
+    cut = Cut([one], one_window_each([one])).remembering((COLOUR,), 0.01 * size if slow else 0.0)
     fitted = fit(model, cut, x, simulated_states(model, x, cut))
     fitted = beside_slow_offset(fitted, map)
     sd = float(np.sqrt(covariance(fitted)[-1, -1])) * model.coordinates[-1].scale
@@ -135,8 +134,8 @@ def test_beside_an_offset_that_moves_slowly_a_load_counts_and_a_wave_that_stood_
 def test_white_noise_has_no_such_part_nor_have_errors_that_rounding_hides():
     rows = np.arange(1, N + 1)
     one = series(Recording((Path("run.csv"),), T, U, Y, None, None, None, rows, {}, {}, ()))
-    cut = Cut([one], whole_series([one]))
-    coarse = Cut([replace(one, slack=0.1)], whole_series([one]))
+    cut = Cut([one], one_window_each([one]))
+    coarse = Cut([replace(one, slack=0.1)], one_window_each([one]))
     noise = NoiseColour((COLOUR,), 0.3, 39.0)
     assert slow_part(WHITE, cut) == 0.0
     assert slow_part(noise, coarse) == 0.0

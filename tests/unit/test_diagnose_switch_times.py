@@ -19,7 +19,7 @@ from seod.diagnose.one_search import Told, Way
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
-from seod.diagnose.record.windows import Cut, cut, fitted_windows, undivided, whole_windows
+from seod.diagnose.record.windows import Cut, all_windows, cut, fitted_windows, undivided
 from seod.diagnose.search.budget import Budget
 from seod.diagnose.starts.baseline import _rough
 from seod.diagnose.starts.sizes import scales
@@ -77,7 +77,7 @@ def fits(t, u, y, damping=ZETA, t_u=None, **beside):
         values = {each.place: 0.0 for each in richer.coordinates}
         x = richer.searched(values | model.values(plain.x) | {f"{name}.{number}": value})
         sets.append(fit(richer, small, x, begun_states(richer, x, small)))
-    return Cut([one], whole_windows([one])), sets
+    return Cut([one], all_windows([one])), sets
 
 
 def asked(*args, **beside):

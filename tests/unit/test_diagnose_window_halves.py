@@ -17,8 +17,9 @@ from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.verdict.answer import RARE, UNFITTED, Searched, _remainder
+from seod.diagnose.verdict.answer import Searched, _remainder
 from seod.diagnose.verdict.effects import Chosen
+from seod.diagnose.verdict.remarks import RARE, UNFITTED
 
 pytestmark = pytest.mark.slow
 

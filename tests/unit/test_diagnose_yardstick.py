@@ -9,7 +9,7 @@ from account_truth import by_heun
 from diagnose_truth import RATE, recording
 from scipy.signal import lfilter
 
-from seod.diagnose.account.loop import answers
+from seod.diagnose.account.loop import is_closed
 from seod.diagnose.account.yardstick import Reached, beaten, yardstick
 from seod.diagnose.fitting.held_out import HeldOut
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour
@@ -154,5 +154,5 @@ def test_commands_of_a_loop_answer_to_what_was_not_foretold():
     for k in range(1, N):
         y[k] = 0.9 * y[k - 1] + 0.1 * u[k - 1] + noise[0, k]
         u[k] = 0.5 * (reference[k] - y[k])
-    assert answers(np.split(u, 8), np.split(noise[0], 8))
-    assert not answers(np.split(u, 8), np.split(noise[1], 8))
+    assert is_closed(np.split(u, 8), np.split(noise[0], 8))
+    assert not is_closed(np.split(u, 8), np.split(noise[1], 8))

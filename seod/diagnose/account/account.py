@@ -10,7 +10,7 @@ import numpy as np
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.chance import may_pass, usable
 from seod.diagnose.account.load_noise import on_load
-from seod.diagnose.account.loop import answers
+from seod.diagnose.account.loop import is_closed
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
 from seod.diagnose.account.with_movement import comes_with_movement
 from seod.diagnose.account.yardstick import beaten, yardstick
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from seod.diagnose.account.black_box import Foretold
     from seod.diagnose.account.residual import WindowResidual
+    from seod.diagnose.account.yardstick import Reached
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.repeats import Share
@@ -77,7 +78,7 @@ def accounted(
         seen: Its simulation of the windows that were fitted.
         held: Of those held out.
         base: The baseline's of the same.
-        predicted: The model was fitted by prediction errors: ARX and NARX have to come nearer in these alone.
+        predicted: The model was fitted by prediction errors: see `beaten`.
         noise_alone: The same set fitted so leaves nothing systematic. What this one does is of its numbers,
             which noise has moved.
     """
@@ -96,12 +97,8 @@ def accounted(
         every = [*parts, *own]
         shown = shown._replace(part=0.0, by="nothing", noise=colour(every), on_load=on_load(every, plant))
     elif other is not None:
-        alone = held.nrmse > GRADE.untold and shown.detectable > 1.0
-        chance = SYSTEMATIC.chance_alone if alone else SYSTEMATIC.chance
-        nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop, chance=chance)
-        if nearer.significant and nearer.square > shown.part * mean_square(own):
-            part = min(1.0, nearer.square / mean_square(own))
-            shown = shown._replace(part=part, by="yardstick", on_load=None)
+        total = mean_square(own)
+        shown = _by_yardstick(shown, seen, held, other, total, predicted=predicted, in_loop=in_loop)
     remains = min(1.0, (held.nrmse / base.nrmse) ** 2) if base.nrmse > 0.0 else 1.0
     account = Account(
         explained=1.0 - remains,
@@ -118,6 +115,28 @@ def accounted(
     return account, None if other is None else Yardstick(other.arx, other.narx, other.changes_with)
 
 
+def _by_yardstick(
+    shown: Shown,
+    seen: HeldOut,
+    held: HeldOut,
+    other: Reached,
+    total: float,
+    *,
+    predicted: bool,
+    in_loop: bool,
+) -> Shown:
+    """What is shown, or what ARX and NARX show, where that is more of the mean square `total`.
+
+    Less is asked of them where much is left, and nothing else would have shown anything.
+    """
+    alone = held.nrmse > GRADE.untold and shown.detectable > 1.0
+    chance = SYSTEMATIC.chance_alone if alone else SYSTEMATIC.chance
+    nearer = beaten(seen, held, other, shown.noise, predicted=predicted, in_loop=in_loop, chance=chance)
+    if not (nearer.significant and nearer.square > shown.part * total):
+        return shown
+    return shown._replace(part=min(1.0, nearer.square / total), by="yardstick", on_load=None)
+
+
 def _is_a_plant(found: Fitted, held: Cut) -> bool:
     return not at_limits(found) and not rings(found.model, found.x, held)
 
@@ -128,11 +147,11 @@ def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:
     errors = [noise.whitened(np.where(one.scored, one.error, 0.0)) for one in parts]
     past = [noise.has_past(one.scored) for one in parts]
     known = [np.where(some, error, 0.0) for some, error in zip(past, errors, strict=True)]
-    return any(one.relayed for one in every) or answers([one.u for one in parts], known)
+    return any(one.relayed for one in every) or is_closed([one.u for one in parts], known)
 
 
 def systematic(
-    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool = False
+    parts: Sequence[WindowResidual], every: Sequence[Series], plant: Plant, *, in_loop: bool
 ) -> Shown:
     """Of what is left of windows; 0 where it may be chance."""
     swept = all(sweeps(one.t, one.u) for one in every)

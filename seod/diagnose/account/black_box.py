@@ -1,9 +1,8 @@
 """What command and state foretell of a residual: a linear model of many forces, tried window by window.
 
-The forces act on the load, the volts on the valve, of the fitted plant, so that what they do to the reading
-drifts as it does; further terms act on the reading itself. Ridge regression, each window foretold by a fit of
-the others, in errors half a period of the plant ahead. No two windows of a sweep are alike: there each fold
-of a window is foretold by all others, those beside it among them.
+Its terms stand in `black_box_terms`. Ridge regression, each window foretold by a fit of the others, in errors
+half a period of the plant ahead. No two windows of a sweep are alike: there each fold of a window is foretold
+by all others, those beside it among them.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
 
+from seod.diagnose.account.black_box_terms import columns_of, shapes_of, sizes_of
 from seod.diagnose.account.chance import limit, may_pass, noises_like, usable
 from seod.diagnose.account.residual import compared, fewer_shown, horizon, mean_square
 from seod.diagnose.fitting.noise_colour import WHITE, NoiseColour, colour
@@ -51,7 +50,7 @@ class Fold(NamedTuple):
 
 
 def foretold(
-    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, in_loop: bool = False
+    parts: Sequence[WindowResidual], plant: Plant, *, swept: bool = False, in_loop: bool
 ) -> Foretold | None:
     """Of the windows held out, each by a fit of all others; None of a single window.
 
@@ -98,7 +97,7 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
     folds = _folds(parts, noise, swept=how.swept)
     products = []
     for w, one in enumerate(parts):
-        white = _columns(one, plant, sizes, asked.beside(w), noise)
+        white = columns_of(one, plant, sizes, asked.beside(w), noise)
         products += [_products(white[each.rows]) for each in folds if each.window == w]
     weights = _weights(products, asked.targets)
     plain: list[Errors] = []
@@ -106,10 +105,10 @@ def _foretold(parts: Sequence[WindowResidual], plant: Plant, noise: NoiseColour,
     next_row: list[Errors] = []
     for w, one in enumerate(parts):
         by_others = [(each.rows, weights[p]) for p, each in enumerate(folds) if each.window == w]
-        white = _columns(one, plant, sizes, asked.beside(w), noise)
+        white = columns_of(one, plant, sizes, asked.beside(w), noise)
         known = np.where(noise.has_past(one.scored)[:, None], white, 0.0)
         later = noise.ahead_of_white(known, horizon(one, plant))
-        plain.append(_before_and_after(_columns(one, plant, sizes, asked.beside(w), WHITE), by_others))
+        plain.append(_before_and_after(columns_of(one, plant, sizes, asked.beside(w), WHITE), by_others))
         ahead.append(_before_and_after(later, by_others))
         if how.in_loop:
             next_row.append(_before_and_after(known, by_others))
@@ -239,25 +238,12 @@ def _added(parts: Sequence[WindowResidual], plant: Plant, sizes: dict[str, float
 
     Sizes ascend; each has all shapes with both signs.
     """
-    shapes = [_shapes(one, plant, sizes)[one.scored] for one in parts]
+    shapes = [shapes_of(one, plant, sizes)[one.scored] for one in parts]
     counts = sum(len(each) for each in shapes)
     own = np.sqrt(np.maximum(sum(np.sum(each**2, axis=0) for each in shapes) / counts, 1e-300))
     rms = math.sqrt(mean_square(parts))
     scales = [(k, sign * rms / float(size)) for k, size in enumerate(own) for sign in (1.0, -1.0)]
     return [(0, 0.0)] + [(k, math.sqrt(part) * of) for part in BLACK_BOX.added for k, of in scales]
-
-
-def _shapes(one: WindowResidual, plant: Plant, sizes: dict[str, float]) -> Array:
-    """Systematic parts that are none of the black box's own terms, shape (n, shapes).
-
-    As a load or a valve off the list would make them, without what a state at the beginning would do.
-    """
-    u, v, x = (getattr(one, name) / sizes[name] for name in ("u", "velocity", "position"))
-    angle = float(np.median(np.diff(one.t))) * plant.omega_n
-    wave, limit = np.sin(BLACK_BOX.unlisted_wave * math.pi * x), BLACK_BOX.unlisted_limit
-    forces = _through(_load(plant), [np.sign(v) * np.sqrt(np.abs(v)), wave], angle)
-    volts = _through(_valve(plant), [np.clip(u, -limit, limit), u * np.sqrt(np.abs(u)) * x], angle)
-    return _without_beginning(np.column_stack([*forces, *volts]), one, plant, angle, WHITE)
 
 
 def _products(columns: Array) -> Array:
@@ -294,113 +280,3 @@ def _gain(products: Sequence[Array], weights: Array) -> Array:
     for own, x in zip(products, weights, strict=True):
         saved += np.sum(x * (2.0 * own[:-asked, -asked:].T - x @ own[:-asked, :-asked]), axis=1)
     return saved
-
-
-def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
-    """Largest values over all windows."""
-    names = ("u", "pressure", "velocity", "position")
-    return {
-        name: max(1e-300, *(float(np.max(np.abs(getattr(one, name)))) for one in parts)) for name in names
-    }
-
-
-def _columns(
-    one: WindowResidual,
-    plant: Plant,
-    sizes: dict[str, float],
-    asked: tuple[Sequence[tuple[int, float]], Array],
-    noise: NoiseColour,
-) -> Array:
-    """All terms, the residual with what is added, and noises, without what a state at the beginning would do.
-
-    All as they come through what makes this noise white. Shape (n, terms + asked).
-    """
-    added, noises = asked
-    tick = float(np.median(np.diff(one.t)))
-    u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
-    angle = tick * plant.omega_n
-    forces = _through(_load(plant), _forces(p, v, x), angle)
-    volts = _through(_valve(plant), _volts(u, p, x, angle), angle)
-    error = np.where(one.scored, one.error, 0.0)
-    columns = np.column_stack([*forces, *volts, *_readings(p, v, x), error])
-    shapes = _shapes(one, plant, sizes)
-    more = [columns[:, -1] + size * shapes[:, k] for k, size in added[1:]]
-    return _without_beginning(np.column_stack([columns, *more, noises]), one, plant, angle, noise)
-
-
-def _without_beginning(
-    columns: Array, one: WindowResidual, plant: Plant, angle: float, noise: NoiseColour
-) -> Array:
-    """Columns, made white, less what is as a state at the window's beginning moves the reading."""
-    kept, white = noise.has_past(one.scored), noise.whitened(columns)
-    basis, _ = np.linalg.qr(noise.whitened(_free(len(one.t), plant, angle))[kept])
-    white[kept] -= basis @ (basis.T @ white[kept])
-    return white
-
-
-def _forces(p: Array, v: Array, x: Array) -> list[Array]:
-    """What may brake the load."""
-    sign = np.tanh(v / BLACK_BOX.sharp)
-    waves = [wave(k * math.pi * x) for k in range(1, BLACK_BOX.waves + 1) for wave in (np.cos, np.sin)]
-    return [
-        np.ones_like(v),
-        *(sign, sign * np.exp(-np.abs(v) / BLACK_BOX.stribeck), v, v * np.abs(v), v**3),
-        *(x, x * np.abs(x), x * x, x**3),
-        *(sign * x, sign * np.abs(p), v * x, v * x * x, v * p),
-        *waves,
-    ]
-
-
-def _volts(u: Array, p: Array, x: Array, angle: float) -> list[Array]:
-    """What may be added to the command."""
-    hinges = [np.sign(s) * np.maximum(np.abs(s) - part, 0.0) for s in (u, p) for part in BLACK_BOX.hinges]
-    rows = [min(max(1, round(lag / angle)), len(u) - 1) for lag in BLACK_BOX.lags]
-    lagged = [np.r_[np.full(k, u[0]), u[:-k]] for k in rows]
-    change = np.gradient(p) / angle
-    return [
-        *(u, np.abs(u), u * np.abs(u), u * u, u**3, np.tanh(u / BLACK_BOX.sharp)),
-        *(np.abs(p), p * np.abs(p), p * p, p**3, u * p, np.abs(u) * p, u * np.abs(p), u * p * p),
-        *(u * x, p * x, change * x, change, change * np.abs(p)),
-        *hinges,
-        *lagged,
-    ]
-
-
-def _readings(p: Array, v: Array, x: Array) -> list[Array]:
-    """What may be added to the reading."""
-    waves = [wave(k * math.pi * x) for k in range(1, BLACK_BOX.waves + 1) for wave in (np.cos, np.sin)]
-    return [np.tanh(v / BLACK_BOX.sharp), v, p, np.abs(v), np.abs(x), x * x, x**3, v * x, v * x * x, *waves]
-
-
-def _load(plant: Plant) -> tuple[Array, Array]:
-    """From a force against the load to the reading, but for a factor: -(s + 2 zeta) / (s^2 + ...) of Eq. 1.
-
-    Time is counted in 1 / omega_n.
-    """
-    return np.array([-1.0, -2.0 * plant.zeta]), _poles(plant)
-
-
-def _valve(plant: Plant) -> tuple[Array, Array]:
-    """Likewise from volts: Eq. 1."""
-    return np.ones(1), _poles(plant)
-
-
-def _poles(plant: Plant) -> Array:
-    poles = np.array([1.0, 2.0 * plant.zeta, 1.0])
-    return poles if plant.sees_speed else np.r_[poles, 0.0]
-
-
-def _through(transfer: tuple[Array, Array], inputs: Sequence[Array], angle: float) -> list[Array]:
-    """What inputs that are held between samples do, from rest; `angle` is omega_n times the interval."""
-    number, poles, _ = cont2discrete(transfer, angle)
-    return list(lfilter(number.ravel(), poles, np.array(inputs), axis=-1))
-
-
-def _free(n: int, plant: Plant, angle: float) -> Array:
-    """An offset, and movements of the plant that is left alone; shape (n, 3).
-
-    A position that is left alone ends anywhere: its offset is among them.
-    """
-    _, poles, _ = cont2discrete(_valve(plant), angle)
-    left_alone = lfilter([1.0], poles, np.eye(len(poles) - 1, n), axis=-1)
-    return np.column_stack([np.ones(n), *left_alone] if plant.sees_speed else [*left_alone])

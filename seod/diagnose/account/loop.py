@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Array
 
 
-def answers(commands: Sequence[Array], errors: Sequence[Array]) -> bool:
+def is_closed(commands: Sequence[Array], errors: Sequence[Array]) -> bool:
     """Whether the commands of windows answer to errors that are white, each shape (n,).
 
     Commands made white, too, the sum of their products at each lag has a known deviation where they do not

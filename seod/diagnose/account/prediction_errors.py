@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.account.loop import answers
+from seod.diagnose.account.loop import is_closed
 from seod.diagnose.account.residual import window_residuals
 from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.held_out import simulate_held_out
@@ -51,7 +51,7 @@ class Predicted:
     @property
     def told(self) -> Fitted:
         """By which numbers are told: the simulation's, unless commands answer to what disturbs the load."""
-        return self.fitted if self.fitted.cut.relayed or answered(self.fitted) else self.simulated
+        return self.fitted if self.fitted.cut.relayed or in_closed_loop(self.fitted) else self.simulated
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,14 +122,14 @@ class Predictions:
         return found.cut.remembering(noise.memory, slow_part(noise, found.cut))
 
 
-def answered(fitted: Fitted) -> bool:
+def in_closed_loop(fitted: Fitted) -> bool:
     """Whether commands answer to what was not foretold of the readings before."""
     cut = fitted.cut
     error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
     u = cut.gathered("u")
-    return answers([u[rows] for rows in cut.slices], [error[rows] for rows in cut.slices])
+    return is_closed([u[rows] for rows in cut.slices], [error[rows] for rows in cut.slices])
 
 
 def _saved(without: Fitted, found: Fitted) -> float:
-    """Of the mean log error by one of a set's effects."""
+    """Of the mean log squared error, by one of a set's effects."""
     return without.cost - found.cost

@@ -124,7 +124,7 @@ def compared(
 ) -> Share:
     """What squared errors of windows have become less, by `count` parts of each.
 
-    Whether it is chance is asked of the parts' log errors: where the error is large it changes most.
+    Whether it is chance is asked of the parts' log squared errors: where the error is large it changes most.
     """
     old, new, rows = [], [], 0
     for one, other, kept in zip(before, after, scored, strict=True):

@@ -59,15 +59,24 @@ def beaten(
     noise: NoiseColour,
     *,
     predicted: bool = False,
-    in_loop: bool = True,
+    in_loop: bool,
     chance: float = SYSTEMATIC.chance,
 ) -> Share:
     """By how much a model without physics comes nearer: the difference of the mean squared errors.
 
     Whether that is more than chance is asked of windows that were fitted, too, where this model's fit has not
-    seen what it foretells. In a loop it is asked of errors made white, too: that acts on what disturbs the
-    load, a command tells of it, and a model that forgets comes nearer than the plant. `chance` is the
-    probability with which chance alone passes.
+    seen what it foretells.
+
+    Args:
+        seen: The model's simulation of windows that were fitted.
+        held: Of those held out.
+        other: What is reached without physics.
+        noise: By which errors are made white.
+        predicted: The model was fitted by prediction errors. In a loop errors made white are asked alone:
+            there its plant is not the one whose simulation errs least.
+        in_loop: Errors made white are asked, too, and those by which less shows count. A loop acts on what
+            disturbs the load, a command tells of it, and a model that forgets comes nearer than the plant.
+        chance: Probability with which chance alone passes.
     """
     held_out = _pairs(held, other.simulated)
     pairs = [*held_out, *_pairs(seen, other.foretold)]

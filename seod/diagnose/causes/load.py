@@ -101,7 +101,7 @@ LOAD_SPRING: Final = Cause(
 )
 LOAD_RESONANCE: Final = Cause(
     name="load_resonance",
-    says="A second inertia swings behind a shaft or a structure that gives.",
+    says="A second inertia oscillates behind a shaft or a structure that gives.",
     coordinates=_resonance,
     starts=lambda s: tuple((inertia, x * s.omega_n, zeta) for inertia, x, zeta in INERTIA_STARTS),
     states=("velocity2", "position2"),

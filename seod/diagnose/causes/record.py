@@ -246,6 +246,7 @@ class Cause:
         alike: Causes that act like it.
         elsewhere: Another place where it may act; None: there is one alone.
         delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
+        pure_delay: Parameter by which it is a delay and nothing else; "" without one.
         hidden: How two commands hide it; None: they do not.
         grid: How it is tried in the relay's grid; None: it is not.
         states: Columns of initial states that are free with it, beside those of Eq. 1.
@@ -273,6 +274,7 @@ class Cause:
     alike: tuple[Alike, ...] = ()
     elsewhere: Elsewhere | None = None
     delays: bool = False
+    pure_delay: str = ""
     hidden: Hidden | None = None
     grid: Grid | None = None
     states: tuple[State, ...] = ()

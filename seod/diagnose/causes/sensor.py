@@ -29,17 +29,18 @@ if TYPE_CHECKING:
 SLOWED_BY_BACKLASH: Final = ({"*K_L": 3.0, "*omega_n": 3.0},)
 """Factors where a baseline took a limit cycle that backlash made slow for the plant's own frequency."""
 GAP_SCALE, LEAST_GAP, WIDEST_GAP = 0.1, 1e-4, 12.0
-"""Backlash over the swing that it leaves: size of its steps in a search, at least and at most; chosen."""
+"""Backlash over the oscillation that it leaves, peak to peak: size of its steps in a search, at least and at
+most; chosen."""
 GAPS: Final = (0.006, 0.03, 0.15, 0.5)
 """Starts of it; chosen."""
 GRID_GAPS: Final = (0.1, 0.25, 0.4, 0.55, 0.7, 0.82, 0.92)
-"""Backlash in the relay's grid, over the swing without it: denser where it takes nearly all."""
+"""Backlash in the relay's grid, over the oscillation without it: denser where it takes nearly all."""
 GRID_GAPS_PAIRED: Final = (0.15, 0.35, 0.6, 0.9)
-"""The same beside friction, which makes the swing smaller."""
+"""The same beside friction, which makes the oscillation smaller."""
 LEAST_MOVEMENT: Final = 1e-3
-"""Least swing that a backlash is a share of, over half of that without effects."""
+"""Least oscillation, peak to peak, that a backlash is a share of, over half of that without effects."""
 RIPPLE_SIZE: Final = 0.01
-"""Amplitude over the swing, in whose steps a ripple is searched; chosen."""
+"""Amplitude over the movement, peak to peak, in whose steps a ripple is searched; chosen."""
 RIPPLE_NARROW: Final = 0.03
 """Radians over the travel by which a step of the wavenumber turns its end; chosen."""
 STEPS_IN_A_WAVE: Final = 2.0
@@ -100,7 +101,7 @@ def _bend(effects: Effects) -> float:
 OVER_PLACE: Final = Wave("wavenumber", "place", fewest=1.0, unrepeated="sensor_nonlinearity")
 BACKLASH: Final = Cause(
     name="backlash",
-    says="There is play between the actuator and what is measured: a turn shows once the gap is used up.",
+    says="There is backlash between the actuator and what is measured: a turn shows once the gap is used up.",
     coordinates=lambda s: (
         linear("gap", GAP_SCALE * s.peak_to_peak, LEAST_GAP * s.peak_to_peak, WIDEST_GAP * s.peak_to_peak),
     ),

@@ -14,7 +14,7 @@ from seod.diagnose.causes.sensor import SENSOR
 from seod.diagnose.causes.valve import VALVE
 from seod.diagnose.causes.valve_map import VALVE_MAP
 from seod.terminal.text import number
-from sim.effects import EFFECTS, parameter
+from sim.effects import EFFECTS, parameter, power_of_y
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -35,7 +35,7 @@ SETTLED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not N
 """Causes with which the search goes on from the grid's plants with their plain form."""
 RAMPED: Final = tuple(name for name, one in CAUSES.items() if one.grid is not None and one.grid.ramps)
 """Causes whose plants of the grid have ramps for the relay's switches."""
-LATE, LATE_PLACE = next((name, f"{name}.time") for name, one in CAUSES.items() if one.delays)
+LATE, LATE_PLACE = next((name, f"{name}.{one.pure_delay}") for name, one in CAUSES.items() if one.pure_delay)
 """The cause that is a delay and nothing else, and its parameter."""
 SHAKES: Final = next(name for name, one in CAUSES.items() if one.wave and one.wave.over == "time")
 """The cause that is a wave over time: a limit cycle may have locked to it."""
@@ -88,6 +88,11 @@ def searched_causes(scales: Scales) -> list[str]:
     """Causes that a simulation can show in these recordings, but for those that act only beside another."""
     asked = [name for name, one in CAUSES.items() if not one.needs and one.searched(scales)]
     return [name for name in asked if name not in scales.given]
+
+
+def causes_tried(scales: Scales) -> int:
+    """How many causes are searched in such recordings."""
+    return len(further_causes(scales, ()))
 
 
 def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
@@ -206,7 +211,7 @@ def grid_shares() -> Iterator[Values]:
 
 def grows_with_movement(place: str) -> bool:
     """Whether a parameter is as large as the movement is, all else being the same."""
-    return parameter(place)[1].unit.startswith("unit")
+    return power_of_y(parameter(place)[1].unit) == 1
 
 
 def sentence(name: str, effects: Effects) -> str:

@@ -143,6 +143,7 @@ TRANSPORT_DELAY: Final = Cause(
     starts=lag_starts(0.05, 0.3),
     alike=same_time("transport_delay", "sensor_lag", "valve_lag"),
     delays=True,
+    pure_delay="time",
 )
 VALVE_SATURATION: Final = Cause(
     name="valve_saturation",

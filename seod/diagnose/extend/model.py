@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from seod.diagnose.causes.table import MIRRORED, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE
-from sim.effects import parameter
+from sim.effects import parameter, power_of_y
 from sim.parameters import nulls
 
 if TYPE_CHECKING:
@@ -83,10 +83,8 @@ class Model:
 def _factor(place: str, slope: float, per_volt: float) -> float:
     """By which a parameter grows in a plant's own units."""
     unit = parameter(place)[1].unit
-    if unit.startswith("unit"):
-        return 1.0 / slope
-    if unit.endswith("/unit"):
-        return slope
+    if power := power_of_y(unit):
+        return 1.0 / slope if power > 0 else slope
     return per_volt if unit == "V" else 1.0
 
 

@@ -22,7 +22,7 @@ class Rated(NamedTuple):
     Attributes:
         effects: But for defects of records, in the axis' unit and volts of its output.
         K_L: Likewise [unit/s/V]; None where the file does not tell.
-        conditions: Supply pressure and temperature at which they hold, as `windows.series` takes them.
+        conditions: Supply pressure and temperature at which they hold, as `record.series.series` takes them.
     """
 
     effects: Mapping[str, Mapping[str, float]]

@@ -88,7 +88,7 @@ def _relay(u: Array) -> Rows:
     """Rows at which a relay switches, its entry left out; none where there is no relay.
 
     A recording also has what was before and after: rest, the check of the polarity, other amplitudes. The
-    relay is the longest stretch of steps to and fro between two voltages.
+    relay is the longest segment of steps to and fro between two voltages.
     """
     same = _SAME_VOLTAGE * float(np.nanmax(u) - np.nanmin(u))
     steps = np.flatnonzero(np.abs(np.diff(u)) > same) + 1

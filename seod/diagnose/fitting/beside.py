@@ -71,7 +71,10 @@ def _held_or_running_on(cut: Cut) -> list[Cut]:
 
 
 def promised_by_lead(fitted: Fitted, parallel: ParallelMap) -> float:
-    """What other times of commands may save of the mean log error, to first order; 0 where these are told."""
+    """What other times of commands may save of the mean log squared error, to first order.
+
+    0 where these are told.
+    """
     if not fitted.cut.untimed:
         return 0.0
     parts, _ = _beside_a_lead(_search(fitted, parallel), fitted)

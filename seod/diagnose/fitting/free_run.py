@@ -17,7 +17,7 @@ from seod.diagnose.fitting.held_out import simulate_held_out, whole
 from seod.diagnose.fitting.initial_states import begun_states, measured_places
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.simulate import simulate
-from seod.diagnose.record.windows import Cut, all_but, fitted_windows, segments
+from seod.diagnose.record.windows import Cut, all_but, fitted_windows, one_window_each, segments
 from seod.diagnose.result import FreeRun
 from seod.diagnose.tuning.fitting import FREE_RUN
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> tuple[FreeRun, ...]:
     """Errors of one simulation of each series; those after the first `fitted` were in no fit."""
-    every = Cut(series, whole_series(series))
+    every = Cut(series, one_window_each(series))
     placed = simulate(model.record(x), every, measured_places(every))
     out = []
     for k, (one, rows) in enumerate(zip(series, every.slices, strict=True)):
@@ -65,7 +65,7 @@ def fitted_in_one_run(
     for length in _lengths(rest.series):
         if ended():
             break
-        cut = segments(Cut(rest.series, whole_series(rest.series)), length)
+        cut = segments(Cut(rest.series, one_window_each(rest.series)), length)
         newest = fitted_over(newest, cut, parallel, ended)
         if unseen(newest, held_out) >= (1.0 - FREE_RUN.least_gain) * unseen(best, held_out):
             continue
@@ -104,17 +104,12 @@ def fitted_to_all_rows(
     own = fitted.cut
     longest = max(float(own.series[k].t[b - 1] - own.series[k].t[a]) for k, a, b in own.windows)
     if longest > FREE_RUN.in_windows * max(one.window_s for one in windows.series):
-        cut = segments(Cut(windows.series, whole_series(windows.series)), longest)
+        cut = segments(Cut(windows.series, one_window_each(windows.series)), longest)
     else:
         cut = fitted_windows(windows)
     cut = cut.remembering(own.memory, own.slow)
     last = fitted_over(fitted, cut if as_recorded else untimed(cut, fitted.model), parallel, ended)
     return beside_slow_offset(beside_lead(last, parallel, ended), parallel)
-
-
-def whole_series(series: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
-    """Each recording as one window."""
-    return tuple((k, 0, len(one.t)) for k, one in enumerate(series))
 
 
 def unseen(fitted: Fitted, held_out: Cut) -> float:

@@ -1,8 +1,8 @@
 """Least squares of simulated windows to measured ones, each with an initial state of its own.
 
-What is minimised is the mean of the windows' log errors, so that one bad window has no veto: Gauss and Newton
-with Levenberg's and Marquardt's damping, each window weighted by its own error. Initial states are eliminated
-by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+What is minimised is the mean of the windows' log squared errors, so that one bad window has no veto: Gauss
+and Newton with Levenberg's and Marquardt's damping, each window weighted by its own error. Initial states are
+eliminated by small normal equations (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
@@ -40,8 +40,7 @@ class Fitted:
         x: Searched numbers, shape (p,).
         start: Initial states, shape (w, 7).
         error: Mean squared error of each window, shape (w,).
-        cost: Mean of the windows' log errors, by rows.
-        curvature: Of the searched numbers, initial states eliminated, in units of noise, shape (p, p).
+        cost: Mean of the windows' log squared errors, by rows.
     """
 
     model: Model
@@ -50,7 +49,6 @@ class Fitted:
     start: Array
     error: Array
     cost: float
-    curvature: Array
 
     @property
     def excess(self) -> float:
@@ -73,7 +71,7 @@ def fit(
     """Search from `x` and initial states `start`.
 
     `free` tells which numbers are searched, None: all; `ended` is asked before each step, and one that
-    improves the mean log error by less than `enough` is the last.
+    improves the mean log squared error by less than `enough` is the last.
     """
     free = np.ones(len(x), np.bool_) if free is None else free
     search = LeastSquares(model, cut, parallel, free)
@@ -128,7 +126,6 @@ class LeastSquares:
     ) -> Fitted:
         """At most so many steps from searched numbers and initial states."""
         at = Place(x, start, *self.tried(x, start))
-        curvature = np.zeros((len(x), len(x)))
         damping = FIT.first_damping
         for _ in range(most):
             if ended():
@@ -138,7 +135,6 @@ class LeastSquares:
                 at = Place(at.x, at.start, *self.tried(at.x, at.start))
             before = self.cost(at.error)
             parts = self.derivatives(*at)
-            curvature = parts.curvature()
             if len(self.free) and self._hardly_promises(parts, enough):
                 break
             bounds = np.maximum(self.low - at.x, -self.reach), np.minimum(self.high - at.x, self.reach)
@@ -155,10 +151,10 @@ class LeastSquares:
         if self.soft is not None:
             self.soft = None
             at = at._replace(error=self.tried(at.x, at.start)[1])
-        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error), curvature)
+        return Fitted(self.model, self.cut, at.x, at.start, at.error, self.cost(at.error))
 
     def _hardly_promises(self, parts: Normal, enough: float) -> bool:
-        """Whether no step saves a good part of what is enough of the mean log error.
+        """Whether no step saves a good part of what is enough of the mean log squared error.
 
         Not of initial states alone: how they are settled shows in the sixth digit of held-out errors.
         """
@@ -202,11 +198,11 @@ class LeastSquares:
         return np.clip(step + turn, *bounds), states + moved
 
     def cost(self, error: Array) -> float:
-        """Mean log error; 0 where no row counts."""
+        """Mean log squared error; 0 where no row counts."""
         return float(self.count @ np.log(error + self.floor)) / max(float(self.count.sum()), 1.0)
 
     def costs(self, x: Array, start: Array) -> float:
-        """Mean log error of searched numbers and initial states."""
+        """Mean log squared error of searched numbers and initial states."""
         return self.cost(self.tried(x, start)[1])
 
     def record(self, x: Array) -> NDArray[np.void]:

@@ -18,10 +18,10 @@ from scipy.stats import ttest_1samp
 
 from seod.diagnose.causes.table import OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE
 from seod.diagnose.fitting.command_lead import untimed
-from seod.diagnose.fitting.free_run import fitted_over, unseen, whole_series
+from seod.diagnose.fitting.free_run import fitted_over, unseen
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.record.sweep import sweeps
-from seod.diagnose.record.windows import Cut, all_but, whole_windows
+from seod.diagnose.record.windows import Cut, all_but, all_windows, one_window_each
 from seod.diagnose.tuning.fitting import FREE_RUN, LOAD_DRIFT
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def drifting_load(
     """
     if any(sweeps(one.t, one.u) for one in every):
         return None
-    runs = untimed(Cut(every, whole_series(every)), last.model)
+    runs = untimed(Cut(every, one_window_each(every)), last.model)
     plain = fitted_over(last, runs, parallel, ended)
     drifting = fitted_over(_begun(plain), runs, parallel, ended)
     if plain.cost - drifting.cost < LOAD_DRIFT.least_gain or ended():
@@ -92,7 +92,7 @@ def _begun(fitted: Fitted) -> Fitted:
 
 def _in_windows(fitted: Fitted, every: Sequence[Series]) -> float:
     """NRMSE of the usual windows, each from a state of its own: it has what gusts did before."""
-    windows = Cut(every, whole_windows(every))
+    windows = Cut(every, all_windows(every))
     return simulate_held_out(fitted.model, fitted.x, windows).nrmse
 
 
@@ -110,7 +110,7 @@ def _thirds(every: Sequence[Series]) -> Iterator[Cut]:
 def _left_out(fitted: Fitted, third: Cut, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
     """The same set fitted to one run over all other rows."""
     rest = all_but(third.series, third)
-    return fitted_over(fitted, Cut(rest.series, whole_series(rest.series)), parallel, ended)
+    return fitted_over(fitted, Cut(rest.series, one_window_each(rest.series)), parallel, ended)
 
 
 def _may_be_none(sizes: Sequence[float]) -> bool:

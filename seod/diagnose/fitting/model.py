@@ -36,7 +36,6 @@ class Model:
         coordinates: What is searched, K_L, omega_n and zeta first.
         fixed: Effects of the rig's model that stay as they are.
         sees_speed: The sensor sees the speed.
-        accuracy: Of the simulation, see `sim.parameters`.
         moved: Free effects that act at their other place (`causes.record.Elsewhere`).
     """
 
@@ -45,7 +44,6 @@ class Model:
     coordinates: tuple[Coordinate, ...]
     fixed: Mapping[str, Mapping[str, float]]
     sees_speed: bool
-    accuracy: float = SUBSTEPS.search_accuracy
     moved: frozenset[str] = frozenset()
 
     @property
@@ -98,7 +96,7 @@ class Model:
         values = self.values(x)
         K_L, omega_n, zeta = (values[name] for name in BASE)
         speed = float(self.sees_speed)
-        accuracy = tolerance(omega_n, zeta, self.scales.tick_s, self.accuracy)
+        accuracy = tolerance(omega_n, zeta, self.scales.tick_s)
         effects = self.effects(x)
         return parameters(
             K_L, omega_n, zeta, effects, accuracy=accuracy, shortest=SUBSTEPS.shortest, measures_speed=speed
@@ -139,12 +137,10 @@ class Model:
         return replace(self, names=names, coordinates=kept, moved=self.moved - gone)
 
 
-def tolerance(
-    omega_n: float, zeta: float, tick_s: float, accuracy: float = SUBSTEPS.search_accuracy
-) -> float:
+def tolerance(omega_n: float, zeta: float, tick_s: float) -> float:
     """Of a search's simulation, see `sim.parameters`: poles quicker than a tick need not be followed."""
     quick = omega_n * max(1.0, 2.0 * zeta) * tick_s
-    return min(accuracy * max(1.0, quick / SUBSTEPS.quick_pole), SUBSTEPS.stable)
+    return min(SUBSTEPS.search_accuracy * max(1.0, quick / SUBSTEPS.quick_pole), SUBSTEPS.stable)
 
 
 def baseline_model(

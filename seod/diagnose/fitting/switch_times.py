@@ -1,9 +1,8 @@
 """When each switch of a relay was given, where a record only has the row that saw it first.
 
 Each is late by a time of its own, up to a look at the commands, which moves the load for good: an effect, or
-a load that oscillates, takes the place of that. Times are told beside the numbers of a set (Bayesian linear
-model; Kay, Fundamentals of Statistical Signal Processing, vol. 1, 11.6), and believed where they are far
-likelier than one time for all switches up and one for all down.
+a load that oscillates, takes the place of that. Times are told beside the numbers of a set (`linear_leads`),
+and believed where they are far likelier than one time for all switches up and one for all down.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ import numpy as np
 from seod.diagnose.fitting.beside import correlated_rows
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, weighted
+from seod.diagnose.fitting.linear_leads import LinearLeads, WindowColumns, solved_leads, without_end
 from seod.diagnose.record.command_timing import switch_look, switched, switches
 from seod.diagnose.record.windows import Cut, fitted_windows
 from seod.diagnose.tuning.record import SWITCH_TIMES
@@ -26,15 +26,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.linear_leads import SolvedLeads
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.series import Series
     from seod.diagnose.result import Array, Mask, Rows
 
     Leads = Sequence[Array]
-
-
-_without_end = np.errstate(over="ignore", invalid="ignore")
-"""For simulations of unstable plants: whether their numbers are finite is asked where they are used."""
 
 
 class SwitchTimes(NamedTuple):
@@ -147,39 +144,7 @@ class _At(NamedTuple):
     leads: Leads
 
 
-class _Window(NamedTuple):
-    """Weighted columns of a window, shapes (n, ...).
-
-    What its own states, its switches, all switches up and down, and the searched numbers change in the
-    simulation, over their deviations; and what is left without any lead, shape (n,).
-    """
-
-    states: Array
-    switches: Array
-    kinds: Array
-    numbers: Array
-    left: Array
-
-
-class _Linear(NamedTuple):
-    """The windows, which numbers are free, bounds of their step, and the root of how many rows are one."""
-
-    windows: list[_Window]
-    free: Rows
-    low: Array
-    high: Array
-    wide: float
-
-
-class _Solved(NamedTuple):
-    """Leads of each window over their deviation, the step of free numbers, and the log of the evidence."""
-
-    leads: list[Array]
-    step: Array
-    evidence: float
-
-
-_Ended: TypeAlias = tuple[_At, _Linear]
+_Ended: TypeAlias = tuple[_At, LinearLeads]
 
 
 class _Search:
@@ -220,7 +185,7 @@ class _Search:
         most = least.fitted.cost + SWITCH_TIMES.alike
         alike = [one for one in ended if one[0].fitted.cost <= most]
         at, parts = next((one for one in alike if self.both_ways(one[0].leads)), alike[0])
-        likelier = _least(parts, together=False).evidence - _least(parts, together=True).evidence
+        likelier = solved_leads(parts, together=False).evidence - solved_leads(parts, together=True).evidence
         return at if likelier > SWITCH_TIMES.likelier and self.are_within_a_look(at.leads) else None
 
     def nearest(self, ended: _Ended, least: _At) -> _Ended:
@@ -261,8 +226,8 @@ class _Search:
         every = [switched(one, each) for one, each in zip(self.cut.series, leads, strict=True)]
         return replace(self.cut, series=every)
 
-    @_without_end
-    def linear(self, at: _At) -> _Linear:
+    @without_end
+    def linear(self, at: _At) -> LinearLeads:
         """What all numbers change in the simulation, to first order."""
         fitted, model = at.fitted, at.fitted.model
         search = LeastSquares(model, fitted.cut, self.parallel, self._free(fitted))
@@ -277,14 +242,14 @@ class _Search:
             leads = at.leads[k][self.own[w]] / self.deviation - 1.0
             states, numbers = columns[:, : parts.count], columns[:, parts.count : -1]
             kinds = own @ np.hstack([rises, ~rises])
-            windows.append(_Window(states, own, kinds, numbers, columns[:, -1] + own @ leads))
+            windows.append(WindowColumns(states, own, kinds, numbers, columns[:, -1] + own @ leads))
         free = parts.free
         low, high = (
             np.maximum(search.low - fitted.x, -search.reach),
             np.minimum(search.high - fitted.x, search.reach),
         )
         wide = math.sqrt(max(1.0, correlated_rows(fitted, left)))
-        return _Linear(windows, free, low[free], high[free], wide)
+        return LinearLeads(windows, free, low[free], high[free], wide)
 
     def _slopes(self, at: _At, left: Array) -> list[Array]:
         """What each window's switches change for each row that they are earlier, shapes (n, switches).
@@ -320,13 +285,13 @@ class _Search:
         variance = np.var(up) / max(len(up), 1) + np.var(down) / max(len(down), 1)
         return bool(abs(np.mean(up) - np.mean(down)) <= SWITCH_TIMES.one_way * math.sqrt(variance))
 
-    def nearer(self, at: _At, parts: _Linear) -> _At:
+    def nearer(self, at: _At, parts: LinearLeads) -> _At:
         """The set with other leads if it errs less with these: all the way of a step, or a part of it.
 
         A limit cycle hardly tells a plant from one with another gain and damping: leads and numbers go a long
         way together, along a bend.
         """
-        solved = _least(parts, together=False)
+        solved = solved_leads(parts, together=False)
         to, x = self._all_leads(at, solved), np.zeros(len(at.fitted.x))
         x[parts.free] = solved.step
         for part in SWITCH_TIMES.parts:
@@ -336,7 +301,7 @@ class _Search:
                 return tried
         return at
 
-    def _all_leads(self, at: _At, solved: _Solved) -> Leads:
+    def _all_leads(self, at: _At, solved: SolvedLeads) -> Leads:
         """Leads where a step goes. Switches that are in no window have the mean of the others."""
         out = [np.full(len(each), np.nan) for each in at.leads]
         for (k, _, _), own, leads in zip(self.cut.windows, self.own, solved.leads, strict=True):
@@ -357,40 +322,3 @@ def _within(cut: Cut) -> list[Rows]:
 def _rises(one: Series) -> Mask:
     """Whether each switch is to a higher command, shape (switches,)."""
     return np.asarray(np.diff(one.u)[switches(one) - 1] > 0.0)
-
-
-@_without_end
-def _least(parts: _Linear, *, together: bool) -> _Solved:
-    """Least squares with a time for each switch, or, `together`, with one for all up and one for all down.
-
-    Each lead has the deviation 1 about 1 before the data, each searched number 1 about where it is.
-    """
-    wide, every, log_volume = parts.wide, [], 0.0
-    if not all(np.isfinite(each).all() for one in parts.windows for each in one):  # simulations without end
-        still = [np.zeros(one.switches.shape[1]) for one in parts.windows]
-        return _Solved(still, np.zeros(len(parts.free)), -math.inf)
-    for one in parts.windows:
-        states = one.states / np.maximum(np.linalg.norm(one.states, axis=0), 1e-300)
-        others = np.hstack([one.numbers, one.kinds]) if together else one.numbers
-        known = np.hstack([states, one.switches]) if not together else states
-        size = known.shape[1] - states.shape[1]
-        known = np.vstack([known, np.hstack([np.zeros((size, states.shape[1])), wide * np.eye(size)])])
-        others = np.vstack([others, np.zeros((size, others.shape[1]))])
-        left = np.r_[one.left, np.zeros(size)]
-        base = np.linalg.qr(known)[0]
-        every.append((known, others, left, others - base @ (base.T @ others), left - base @ (base.T @ left)))
-        if size:
-            base = np.linalg.qr(states)[0]
-            apart = (one.switches - base @ (base.T @ one.switches)) / wide
-            log_volume += np.linalg.slogdet(np.eye(size) + apart.T @ apart)[1]
-    matrix = sum(others.T @ others for *_, others, _ in every) + wide**2 * np.eye(every[0][3].shape[1])
-    right = sum(others.T @ left for *_, others, left in every)
-    step = np.linalg.solve(matrix, right)
-    squared = sum(float(left @ left) for *_, left in every) - float(right @ step)
-    log_volume += np.linalg.slogdet(matrix / wide**2)[1]
-    step[: len(parts.low)] = np.clip(step[: len(parts.low)], parts.low, parts.high)
-    leads = []
-    for one, (known, others, left, _, _) in zip(parts.windows, every, strict=True):
-        own = np.linalg.lstsq(known, left - others @ step, rcond=1e-12)[0]
-        leads.append(own[one.states.shape[1] :])
-    return _Solved(leads, step[: len(parts.free)], -0.5 * (squared / wide**2 + log_volume))

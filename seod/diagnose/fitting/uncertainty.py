@@ -231,7 +231,7 @@ def _ends(value: float, sd: float, logarithm: bool) -> tuple[float, float]:
 
 
 def p_value(without: HeldOut, with_it: HeldOut, tried: int = 1) -> float:
-    """Of no gain: a one-sided t-test of the log errors of parts of the same windows, with and without.
+    """Of no gain: a one-sided t-test of log squared errors of parts of the same windows, with and without.
 
     Times the number of causes that were `tried` (Bonferroni): the best of many gains by chance. 1 where too
     few parts can be compared.

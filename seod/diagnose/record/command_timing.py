@@ -47,13 +47,13 @@ class Timing(NamedTuple):
             seen = np.arange(int(np.flatnonzero(np.diff(u))[0] + 1) % rows, len(u), rows)
             u = np.interp(t_u, t_u[seen], u[seen])
         lead = self.lead + COMMAND_TIMING.middle * rows
-        return replace(one, drive=straight_on(t_u - self.lead * one.tick, u), lead=lead)
+        return replace(one, other_drive=straight_on(t_u - self.lead * one.tick, u), lead=lead)
 
 
 def earlier(one: Series, rows: float) -> Series:
     """A recording with its commands so many rows earlier."""
     times, volts = one.drive
-    return replace(one, drive=(times - rows * one.tick, volts), lead=one.lead + rows)
+    return replace(one, other_drive=(times - rows * one.tick, volts), lead=one.lead + rows)
 
 
 def timings(every: Sequence[Series]) -> list[Timing]:
@@ -63,7 +63,7 @@ def timings(every: Sequence[Series]) -> list[Timing]:
     told when they were given, they may have changed between two looks, but not earlier.
     """
     rows = {looks(one.u) for one in every}
-    if len(rows) > 1 or 0 in rows or any(one.drive[0] is not one.t_u for one in every):
+    if len(rows) > 1 or 0 in rows or not all(one.as_recorded for one in every):
         return []
     told = any(not np.array_equal(one.t_u, one.t) for one in every)
     if told and 1 in rows:
@@ -94,7 +94,7 @@ def switch_look(one: Series) -> int:
     All switches are whole numbers of looks apart.
     """
     apart = np.diff(switches(one))
-    as_recorded = one.drive[0] is one.t_u and not one.timed and len(one.blocks) == 1
+    as_recorded = one.as_recorded and not one.timed and len(one.blocks) == 1
     if not one.relayed or not as_recorded or len(apart) < SWITCH_TIMES.fewest:
         return 0
     rows = int(np.gcd.reduce(apart))
@@ -107,4 +107,4 @@ def switched(one: Series, leads: Array) -> Series:
     times = one.t_u[begin]
     times[1:] -= leads * one.tick
     times = np.maximum.accumulate(times)
-    return replace(one, drive=(times, one.u[begin]), lead=float(np.mean(leads)), timed=True)
+    return replace(one, other_drive=(times, one.u[begin]), lead=float(np.mean(leads)), timed=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.record.coarse_sensor import readings
+from seod.diagnose.record.coarse_sensor import Readings, readings
 from seod.diagnose.record.noise import noise_sd
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import DiagnoseError
@@ -47,7 +47,8 @@ class Series:
         tick: Median interval of its samples [s].
         levels: How many different commands it has.
         blocks: (first row, row after the last) of the parts that windows are cut from.
-        drive: Times and volts that the valve is given: the commands, or what runs straight on between.
+        other_drive: Times [s] and volts that the valve is given where commands are not simulated as recorded,
+            such as what runs straight on between them; None: they are.
         held: Most rows repeat a reading, and are not `good`.
         timed: It is told when commands were given: by a column, or by the user.
         lead: By how many rows earlier than held from where they are recorded, on average, they are given.
@@ -73,7 +74,7 @@ class Series:
     tick: float
     levels: int
     blocks: tuple[tuple[int, int], ...]
-    drive: tuple[Array, Array]
+    other_drive: tuple[Array, Array] | None = None
     held: bool = False
     timed: bool = False
     lead: float = 0.0
@@ -83,6 +84,16 @@ class Series:
     def errs_as_it_moves(self) -> bool:
         """Whether the sensor alone errs more where the load moves: by its steps, or by when it is read."""
         return self.step > 0.0 or self.late > 0.0
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether commands are simulated as they are recorded: each from its row to the next."""
+        return self.other_drive is None
+
+    @property
+    def drive(self) -> tuple[Array, Array]:
+        """Commands as they are simulated: times [s] and volts, of shape (m,) each."""
+        return self.other_drive or (self.t_u, self.u)
 
     @property
     def runs_on(self) -> bool:
@@ -124,10 +135,7 @@ class Series:
         rows["force"] = _means(self.force, kept)
         blocks = tuple((int(a), int(b)) for a, b in np.searchsorted(kept, self.blocks))
         tick = float(np.median(np.diff(rows["t"])))
-        drive = (self.t_u[changes], self.u[changes]) if self.drive[0] is self.t_u else self.drive
-        return replace(
-            self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks, drive=drive
-        )
+        return replace(self, **rows, t_u=self.t_u[changes], u=self.u[changes], tick=tick, blocks=blocks)
 
     def kept(self, stride: int) -> Rows:
         """Every so manieth row; of a sensor that repeats its readings, of those with a new one."""
@@ -185,32 +193,29 @@ def series(
     drifts = not sees_speed and len(t) > SERIES.drifting_rows
     noise = _noise(t, y, good, taken is not None)
     period_s = 1.0 / dominant_hz(t, y, good, noise if drifts else None)
-    least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
-    noise = max(noise, least) if math.isfinite(noise) else least
-    slack, level, allowed = 0.0, noise, noise
-    if step > 0.0:
-        y, slack, level, allowed, noise = readings(y, good, step, noise, held=taken is not None)
+    read = _readings(y, good, noise, step, late, held=taken is not None)
+    supply, warmth, force = _channels(recording, nominal_ps, nominal_temperature, nominal_f)
     return Series(
         t=t,
-        y=y,
+        y=read.y,
         good=good,
         t_u=t_u,
         u=u,
-        supply=_relative(recording.ps, nominal_ps),
-        warmth=_above(recording.temperature, nominal_temperature),
-        force=_on_the_way(_above(recording.f, nominal_f)),
-        noise=noise,
+        supply=supply,
+        warmth=warmth,
+        force=force,
+        noise=read.noise,
         window_s=_window_s(t, period_s),
         period_s=period_s,
         sees_speed=sees_speed,
         step=step,
-        slack=slack,
-        level=level,
-        allowed=allowed,
+        slack=read.slack,
+        level=read.level,
+        allowed=read.allowed,
         tick=float(np.median(np.diff(t))),
         levels=len(np.unique(u)),
         blocks=((0, len(t)),),
-        drive=straight_on(t_u, u) if hold == "first" else (t_u, u),
+        other_drive=straight_on(t_u, u) if hold == "first" else None,
         held=taken is not None,
         timed=hold is not None or (recording.t_u is not None and not np.array_equal(t_u, recording.t)),
         late=late,
@@ -245,6 +250,24 @@ def straight_on(t_u: Array, u: Array) -> tuple[Array, Array]:
     times = (t_u[:, None] + wide[:, None] * parts).ravel()
     volts = (u[:, None] + high[:, None] * (parts + 0.5 / SERIES.steps_between)).ravel()
     return times, volts
+
+
+def _readings(y: Array, good: Mask, noise: float, step: float, late: float, *, held: bool) -> Readings:
+    """Samples, and how far their errors count; `noise` is what differences show, nan where nothing."""
+    least = max(SERIES.least_noise * float(np.std(y[good])), math.sqrt(late))
+    noise = max(noise, least) if math.isfinite(noise) else least
+    return readings(y, good, step, noise, held=held) if step > 0.0 else Readings(y, 0.0, noise, noise, noise)
+
+
+def _channels(
+    recording: Recording, nominal_ps: float | None, nominal_temperature: float | None, nominal_f: float | None
+) -> tuple[Array, Array, Array]:
+    """Supply, warmth and force; shape (0,) each where there is no such channel."""
+    return (
+        _relative(recording.ps, nominal_ps),
+        _above(recording.temperature, nominal_temperature),
+        _on_the_way(_above(recording.f, nominal_f)),
+    )
 
 
 def _noise(t: Array, y: Array, good: Mask, held: bool) -> float:

@@ -138,13 +138,9 @@ class Cut:
         """Whether any row has an error that says nothing."""
         return bool(np.any(self.slack > 0.0))
 
-    def started(self, part: float = WINDOWS.settling_part) -> Mask:
-        """Rows in the first part of their window, end to end."""
-        parts = []
-        for k, first, last in self.windows:
-            t = self.series[k].t[first:last]
-            parts.append(_in_first(part, t))
-        return np.concatenate(parts)
+    def started(self) -> Mask:
+        """Rows in the first part of their window, in which it settles, end to end."""
+        return np.concatenate([_settling(self.series[k].t[first:last]) for k, first, last in self.windows])
 
     def only(self, chosen: Iterable[int]) -> Cut:
         """Some of the windows."""
@@ -203,7 +199,7 @@ def _windows(recording: Series) -> list[tuple[int, int]]:
 def can_be_scored(recording: Series, first: int, last: int) -> bool:
     """Whether a window held out has samples to settle its initial state, and some after them."""
     t, good = recording.t[first:last], recording.good[first:last]
-    settles = _in_first(WINDOWS.settling_part, t)
+    settles = _settling(t)
     return bool(np.any(good & settles) and np.any(good & ~settles))
 
 
@@ -218,15 +214,22 @@ def _within(recording: Series, first: int, last: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in pairwise(rows)]
 
 
-def _in_first(part: float, t: Array) -> Mask:
-    """Rows of a window in that part of its time, shape (n,)."""
-    end = part * float(t[-1] - t[0]) - WINDOWS.at_edge * float(t[-1] - t[0]) / max(len(t) - 1, 1)
+def _settling(t: Array) -> Mask:
+    """Rows of a window in the first part of its time, shape (n,)."""
+    end = WINDOWS.settling_part * float(t[-1] - t[0]) - WINDOWS.at_edge * float(t[-1] - t[0]) / max(
+        len(t) - 1, 1
+    )
     return np.asarray(t - t[0] < end)
 
 
-def whole_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+def all_windows(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
     """All windows of recordings: (which, first row, row after the last)."""
     return tuple((k, first, last) for k, one in enumerate(every) for first, last in _windows(one))
+
+
+def one_window_each(every: Sequence[Series]) -> tuple[tuple[int, int, int], ...]:
+    """Each recording as one window."""
+    return tuple((k, 0, len(one.t)) for k, one in enumerate(every))
 
 
 def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
@@ -237,7 +240,7 @@ def all_but(every: Sequence[Series], held_out: Cut) -> Cut:
         for of, first, last in held_out.windows:
             good[first:last] &= of != k
         out.append(replace(one, good=good, blocks=((0, len(one.t)),)))
-    return Cut(out, whole_windows(out))
+    return Cut(out, all_windows(out))
 
 
 def hardly_settle(every: Cut) -> bool:
@@ -329,7 +332,7 @@ def _row(kept: Rows, row: int) -> int:
 def _stride(recording: Series) -> int:
     """Samples of a relay's recording of which one is enough: between them the others are as they were.
 
-    A limit cycle is smooth; what swings after each switch of slow commands is not.
+    A limit cycle is smooth; what oscillates after each switch of slow commands is not.
     """
     stride = (
         max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.tick)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seod.config.units import KNOWN, ZEROS
 from seod.diagnose.report.units import NOBODYS
 from seod.terminal.text import number, with_sd
-from sim.effects import parameter
+from sim.effects import parameter, power_of_y
 
 if TYPE_CHECKING:
     import re
@@ -54,11 +54,6 @@ def scaled(d: Diagnosis, factor: float) -> Diagnosis:
     )
 
 
-def power(unit: str) -> int:
-    """Of the unit of y in a unit of the table of effects: 1 in `unit/s^2`, -1 in `rad/unit`, 0 in `V`."""
-    return -1 if unit.endswith("/unit") else int(unit.startswith(("unit", "(unit")))
-
-
 def _score(score: Score, factor: float) -> Score:
     sd = {name: each * factor if name == "K_L" else each for name, each in score.sd.items()}
     return replace(
@@ -81,7 +76,7 @@ def _run(run: FreeRun, factor: float) -> FreeRun:
 
 def _values(effects: Effects, factor: float) -> Effects:
     return {
-        name: {of: x * factor ** power(parameter(f"{name}.{of}")[1].unit) for of, x in values.items()}
+        name: {of: x * factor ** power_of_y(parameter(f"{name}.{of}")[1].unit) for of, x in values.items()}
         for name, values in effects.items()
     }
 
@@ -97,7 +92,7 @@ def _effect(effect: FoundEffect, factor: float) -> FoundEffect:
 
 
 def _parameter(told: Parameter, factor: float) -> Parameter:
-    by = factor ** power(told.unit)
+    by = factor ** power_of_y(told.unit)
     low, high = told.ci95
     return replace(told, value=by * told.value, ci95=(by * low, by * high))
 
@@ -113,7 +108,7 @@ def _whole(whole: Whole, factor: float) -> Whole:
 
 
 def _sentence(sentence: str, factor: float) -> str:
-    return NOBODYS.sub(lambda found: _scaled(found, factor ** power(found["unit"])), sentence)
+    return NOBODYS.sub(lambda found: _scaled(found, factor ** power_of_y(found["unit"])), sentence)
 
 
 def _scaled(found: re.Match[str], by: float) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 from seod.diagnose.report.chart import AFTER, BEFORE
 from seod.diagnose.report.units import Units
 from seod.diagnose.report.words import drives_load
-from seod.diagnose.show.residual import Residual, residual, scored
+from seod.diagnose.show.residual import Residual, residual
+from seod.diagnose.verdict.figures import scored_windows
 
 if TYPE_CHECKING:
     from seod.diagnose.result import Diagnosis, Window
@@ -28,7 +29,7 @@ class Pictures:
     @cached_property
     def windows(self) -> list[Window]:
         """Those that are shown."""
-        return scored(self.diagnosis)
+        return scored_windows(self.diagnosis)
 
     @cached_property
     def before(self) -> list[Residual]:

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def least_gain(cut: Cut) -> float:
-    """What an effect must save of the mean log error: of coarse sensors few samples make up what is left."""
+    """What an effect must save of the mean log squared error.
+
+    Of coarse sensors few samples make up what is left.
+    """
     return (
         BEAM.least_gain_coarse
         if any(cut.series[k].slack > 0.0 for k, _, _ in cut.windows)
@@ -30,7 +33,7 @@ def least_gain(cut: Cut) -> float:
 
 
 def as_well(cut: Cut) -> float:
-    """Mean log error up to which another set explains recordings as well."""
+    """Mean log squared error up to which another set explains recordings as well."""
     return BEAM.as_well_part * least_gain(cut)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, further_causes
+from seod.diagnose.causes.table import CAUSES, causes_tried
 from seod.diagnose.fitting.beside import part_beside_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, loses_its_place, mean_gain
@@ -166,7 +166,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen:
 
 def _gains_by_chance(own: Judged, name: str, fewer: Judged) -> bool:
     """Whether windows held out show of a cause no more than chance does."""
-    tried = len(further_causes(own.found.model.scales, ()))
+    tried = causes_tried(own.found.model.scales)
     most = PRUNE.much_by_chance if _much(fewer, own) else PRUNE.by_chance
     return EFFECTS[name].cause and may_be_chance(fewer.held, own.held, tried, most)
 
@@ -198,7 +198,7 @@ def _moves_as_slowly_as_an_offset(own: Judged, fewer: Judged, screen: Screen) ->
 
 
 def _saved(without: float, with_it: float) -> float:
-    """Of the log error."""
+    """Of the log NRMSE."""
     return math.log(without + 1e-300) - math.log(with_it + 1e-300)
 
 
@@ -211,7 +211,7 @@ def _much(fewer: Judged, more: Judged) -> bool:
 
 
 def _may_be_none(own: Judged, name: str, spread: Array) -> bool:
-    tried = len(further_causes(own.found.model.scales, ()))
+    tried = causes_tried(own.found.model.scales)
     return EFFECTS[name].cause and reaches_null(own.found, name, spread, tried)
 
 

@@ -52,7 +52,7 @@ def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
 
 def one_more(parent: Fitted, screen: Screen, over: Callable[[], bool], most: int) -> list[Fitted]:
     """A set fitted to whole recordings with each of so many causes more, those that promise most."""
-    if len(parent.model.names) >= BEAM.most_effects + 1 or over():
+    if len(parent.model.names) >= WHOLE_RECORDINGS.most_effects or over():
         return []
     more = further_causes(parent.model.scales, parent.model.names)
     return _fitted(promising(parent, more, screen)[:most], parent, screen, over)

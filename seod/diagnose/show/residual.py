@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from seod.diagnose.result import Array, Diagnosis, Mask, Output, Score, Window
+    from seod.diagnose.result import Array, Mask, Output, Score, Window
 
 _BAND: Final = 4.0
 """Frequencies up to so many omega_n are looked at: above, differentiating shows the noise alone."""
@@ -55,12 +55,6 @@ def residual(window: Window, simulated: Array, model: Score, output: Output) -> 
         np.where(inner, braking - steady * omega_n / (2.0 * zeta), np.nan),
         np.where(inner, volts + steady / model.K_L, np.nan),
     )
-
-
-def scored(diagnosis: Diagnosis) -> list[Window]:
-    """The held-out windows; all, where there are none."""
-    held_out = [window for window in diagnosis.windows if window.held_out]
-    return held_out or list(diagnosis.windows)
 
 
 def _filled(error: Array) -> Array:

@@ -88,14 +88,15 @@ def baseline(
     near = unchanged(*_begun(local, cut), cut)
     best = min(found, key=lambda one: one.cost)
     if cut.relayed:
-        return BaselineFits(best, near, _swung(cut, sees_speed, fixed))
+        return BaselineFits(best, near, _near_limit_cycle(cut, sees_speed, fixed))
     wide = undivided(cut)
     start = _grid(beginnings(wide, BASELINE.whole_rows), sees_speed, fixed, parallel)[0]
     of_whole = _plain(start, wide)
     return BaselineFits(best, near, unchanged(of_whole.model, of_whole.x, cut))
 
 
-def _swung(cut: Cut, sees_speed: bool, fixed: Fixed) -> Fitted:
+def _near_limit_cycle(cut: Cut, sees_speed: bool, fixed: Fixed) -> Fitted:
+    """The plant near the limit cycle's own frequency."""
     period_s = cut.series[cut.windows[0][0]].period_s
     omega = BASELINE.above_limit_cycle * 2.0 * math.pi / period_s
     return unchanged(

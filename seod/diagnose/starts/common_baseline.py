@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
+from seod.diagnose.causes.table import CAUSES, LATE, LATE_PLACE, OFFSET, OFFSET_PLACE
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.least_squares import fit
@@ -34,7 +34,7 @@ def common_baseline(
     tried = [_with_common(model, begin, small, fixed.gain, parallel) for begin in begins]
     found = min(tried, key=lambda one: one.cost)
     values = found.model.values(found.x)
-    delay = values.get(LATE_PLACE, fixed.effects.get(LATE, {}).get("time", 0.0))
+    delay = values.get(LATE_PLACE, fixed.effects.get(LATE, {}).get(CAUSES[LATE].pure_delay, 0.0))
     K_L, omega_n, zeta = (values[name] for name in BASE)
     volts = -2.0 * zeta * values[OFFSET_PLACE] / (omega_n * K_L)
     held = simulate_held_out(found.model, found.x, held_out)

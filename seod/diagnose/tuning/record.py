@@ -150,8 +150,8 @@ class CommandTiming:
     fit_steps: int = 20
     """[steps] Of a fit with other commands. Chosen."""
     halfway: float = 0.5
-    """[-] Of what a cause saves of the mean log error, up to which other times have to save as much for
-    it to be asked whether they save all of it. Chosen: a quarter of a row loses a part of it."""
+    """[-] Of what a cause saves of the mean log squared error, up to which other times have to save as much
+    for it to be asked whether they save all of it. Chosen: a quarter of a row loses a part of it."""
     most_promised: float = 0.9
     """[-] Of the squared error that other times may save to first order, at most. Chosen."""
     middle: float = 0.5

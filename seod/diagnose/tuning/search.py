@@ -16,7 +16,7 @@ class Beam:
     second_plants: int = 2
     """[-] Second plants of them that are kept too. Chosen."""
     most_effects: int = 4
-    """[effects] In a set. Chosen."""
+    """[effects] In a set that a search grows. Chosen."""
     least_gain: float = 0.02
     """[-] Mean log squared error that an effect must save. Measured: on clean recordings the best saves
     some 0.002."""
@@ -38,13 +38,15 @@ class Budget:
     """How much a search may simulate."""
 
     search_s: float = 10.0
-    """[s] Work after which no further cause is tried, of a long recording; fits of the best follow.
-    Chosen: so that `normal` ends within 30 s for 60 s at 2 kHz on two idle cores. Measured: as far as 11 s
-    came before steps were exact at times (six records: 0.79 to 0.89 of the work)."""
+    """[s] Work that every search may use, after which no further cause is tried. Fits that follow have parts
+    of it. Chosen: so that `normal` ends within 30 s for 60 s at 2 kHz on two idle cores. Measured: as far as
+    11 s came before steps were exact at times (six records: 0.79 to 0.89 of the work)."""
     further_s: float = 10.0
-    """[s] The same that a short one may use beyond: what follows takes less. Chosen."""
+    """[s] The same that one of few rows may use beyond, as what follows takes less there: the less, the more
+    rows are searched. Chosen."""
     long_rows: int = 120_000
-    """[rows] Searched, from which on there is no more of it: a minute at 2 kHz. Chosen."""
+    """[rows] Searched, at which none of it would be left. Longer recordings than `BLOCKS.searched_rows` are
+    searched in blocks of about so many rows, and have 4.7 s of it. Chosen: a minute at 2 kHz."""
     quick: float = 0.25
     """[-] Of that work at `--effort quick`. Chosen."""
     normal: float = 1.0
@@ -107,8 +109,8 @@ class FinalChoice:
     finalists: int = 3
     """[sets] That are fitted to all windows. Chosen."""
     near_best: float = 2.0
-    """[-] Mean log error of a set above the best, over what an effect must save, up to which it is one of
-    these. Chosen."""
+    """[-] Mean log squared error of a set above the best, over what an effect must save, up to which it is
+    one of these. Chosen."""
     of_size: int = 2
     """[sets] Of each size that are fitted to whole recordings, where none comes down to the noise.
     Chosen."""
@@ -150,7 +152,7 @@ class Prune:
     """[-] NRMSE of one run of the whole recordings, over that of windows, beyond which it says nothing of an
     effect. Chosen: drift of a plant that integrates, or what has no name."""
     part_in_one_run: float = 0.25
-    """[-] Of the log error that an effect saves in windows, what it has to save in one run. Measured: 0.07
+    """[-] Of the log NRMSE that an effect saves in windows, what it has to save in one run. Measured: 0.07
     where a spring stood for an offset that moves, 0.77 and more of 29 causes that were there."""
 
 
@@ -194,7 +196,7 @@ class Race:
     finished_at_least: int = 4
     """[sets] That are fitted to the end. Chosen."""
     finished_within: float = 1.0
-    """[-] Others whose mean log error is that near the best are, too. Chosen."""
+    """[-] Others whose mean log squared error is that near the best are, too. Chosen."""
 
 
 RACE: Final = Race()
@@ -214,8 +216,8 @@ class Refine:
     fine_steps: int = 40
     """[steps] Of a fit along a bent valley. Chosen."""
     fine_improvement: float = 1e-6
-    """[-] Of the mean log error, below which such a fit has settled. Chosen: there steps gain little and
-    lead far."""
+    """[-] Of the mean log squared error, below which such a fit has settled. Chosen: there steps gain little
+    and lead far."""
 
 
 REFINE: Final = Refine()
@@ -246,6 +248,9 @@ class WholeRecordings:
     """[causes] Of them, and of those from far, that are fitted to the end. Chosen."""
     least_saving: float = 0.2
     """[-] Mean log squared error that one more effect has to save. Chosen."""
+    most_effects: int = 5
+    """[effects] In a set of few rows that grows by what errs less where no fit has seen. Chosen: one more
+    than a search may find, so that the largest of its sets can grow, too."""
 
 
 WHOLE_RECORDINGS: Final = WholeRecordings()

@@ -146,8 +146,8 @@ class RelayGrid:
     kept_ramps: int = 3
     """[plants] Of those, that are kept. Chosen."""
     growth_compared_within: float = 3.0
-    """[-] Mean log error over the least, up to which a plant goes on with how the limit cycle grew.
-    Chosen."""
+    """[-] Mean log squared error over the least, up to which a plant goes on with how the limit cycle
+    grew. Chosen."""
     kept_prompt: int = 4
     """[plants] Without a delay that are kept, of different damping. Chosen."""
     kept_late: int = 2

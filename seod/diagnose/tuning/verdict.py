@@ -22,6 +22,24 @@ ANSWER: Final = Answer()
 
 
 @dataclass(frozen=True, slots=True)
+class Bootstrap:
+    """How sure a held-out error is, by drawing blocks of the windows."""
+
+    draws: int = 2000
+    """[-] Of so many blocks as there are. Chosen: the share of draws beyond an end is then known to a
+    deviation of 0.35 %."""
+    fewest_blocks: int = 20
+    """[blocks] To draw from, at least; windows are divided where there are fewer. Chosen."""
+    quantiles: tuple[float, float] = (0.025, 0.975)
+    """[-] Ends of the interval. The contract's: 95 %."""
+    seed: int = 1
+    """[-] Of the draws, so that an answer is the same again. Chosen."""
+
+
+BOOTSTRAP: Final = Bootstrap()
+
+
+@dataclass(frozen=True, slots=True)
 class ExperimentTrial:
     """A next experiment, simulated."""
 
@@ -54,8 +72,8 @@ class FoundEffects:
     """What could stand in a found effect's place."""
 
     near: float = 2.0
-    """[-] Mean log error of a set with another cause above that of the found one, over what an effect must
-    save, up to which it is fitted to all windows. Chosen."""
+    """[-] Mean log squared error of a set with another cause above that of the found one, over what an
+    effect must save, up to which it is fitted to all windows. Chosen."""
     surely_worse: float = 0.05
     """[-] Chance by which windows held out would foretell a set with another cause as much less well, below
     which it is worse. Chosen: as usual."""

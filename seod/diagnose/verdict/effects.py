@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, further_causes
+from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, causes_tried
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value, reaches_null
 from seod.diagnose.record.sweep import sweeps
@@ -66,7 +66,7 @@ def found_effects(
     """In order of gain."""
     out = []
     spread = covariance(chosen.last)
-    causes = len(further_causes(chosen.found.model.scales, ()))
+    causes = causes_tried(chosen.found.model.scales)
     for name, rest in chosen.without.items():
         if not EFFECTS[name].cause:
             continue

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.windows import Cut
-    from seod.diagnose.result import Array, Effects
+    from seod.diagnose.result import Array, Diagnosis, Effects
 
 
 def score(
@@ -55,6 +55,12 @@ def windows(baseline: HeldOut, extended: HeldOut, *, held_out: bool) -> list[Win
             )
         )
     return out
+
+
+def scored_windows(diagnosis: Diagnosis) -> list[Window]:
+    """The held-out windows; all, where there are none."""
+    held_out = [window for window in diagnosis.windows if window.held_out]
+    return held_out or list(diagnosis.windows)
 
 
 def drawn(series: Cut, baseline: list[Array], extended: list[Array]) -> tuple[Whole, ...]:

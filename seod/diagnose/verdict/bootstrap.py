@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.show.residual import scored
+from seod.diagnose.tuning.verdict import BOOTSTRAP
+from seod.diagnose.verdict.figures import scored_windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seod.diagnose.result import Array, Diagnosis, Window
 
-_DRAWS: Final = 2000
-_FEWEST_BLOCKS: Final = 20
-"""Blocks to draw from, at least; a window is divided where there are fewer windows."""
 
-
-def interval(windows: Sequence[Window], errors: Sequence[Array], seed: int = 1) -> tuple[float, float]:
+def interval(
+    windows: Sequence[Window], errors: Sequence[Array], seed: int = BOOTSTRAP.seed
+) -> tuple[float, float]:
     """95 % interval of the NRMSE over the windows' scored samples, by a block bootstrap (Kuensch 1989).
 
     Args:
@@ -27,18 +26,18 @@ def interval(windows: Sequence[Window], errors: Sequence[Array], seed: int = 1) 
         errors: Measured less simulated in each.
         seed: Of the draws.
     """
-    sums = np.concatenate(
-        [_blocks(w, e, -(-_FEWEST_BLOCKS // len(windows))) for w, e in zip(windows, errors, strict=True)]
-    )
-    draws = np.random.default_rng(seed).integers(0, len(sums), (_DRAWS, len(sums)))
+    parts = -(-BOOTSTRAP.fewest_blocks // len(windows))
+    sums = np.concatenate([_blocks(w, e, parts) for w, e in zip(windows, errors, strict=True)])
+    draws = np.random.default_rng(seed).integers(0, len(sums), (BOOTSTRAP.draws, len(sums)))
     drawn = sums[draws].sum(axis=1)
-    low, high = np.quantile(np.sqrt(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300)), [0.025, 0.975]).tolist()
+    errors_drawn = np.sqrt(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-300))
+    low, high = np.quantile(errors_drawn, BOOTSTRAP.quantiles).tolist()
     return low, high
 
 
 def with_intervals(d: Diagnosis) -> Diagnosis:
     """The diagnosis with intervals of both models' held-out errors."""
-    windows = scored(d)
+    windows = scored_windows(d)
     if not windows:
         return d
     before = interval(windows, [w.y - w.y_baseline for w in windows])
