@@ -151,12 +151,15 @@ def test_neither_form_takes_the_port_of_a_daemon_that_runs(recorded):
 
 
 def test_units_and_volts_of_the_plant_are_its_own():
-    own = Model(
-        2.0, 100.0, 0.5, {"valve_deadband": {"half_width": 0.1}, "coulomb_friction": {"level": 3.0}}, 0.01
-    )
+    valve = {"valve_deadband": {"half_width": 0.1}, "valve_rate_limit": {"rate": 20.0}}
+    own = Model(2.0, 100.0, 0.5, valve | {"coulomb_friction": {"level": 3.0}}, 0.01)
     got = own.in_units_of(slope=0.5, per_volt=4.0)
     assert (got.K_L, got.noise) == (1.0, 0.02)
-    assert got.effects == {"valve_deadband": {"half_width": 0.4}, "coulomb_friction": {"level": 6.0}}
+    assert got.effects == {
+        "valve_deadband": {"half_width": 0.4},
+        "valve_rate_limit": {"rate": 80.0},
+        "coulomb_friction": {"level": 6.0},
+    }
 
 
 def test_an_actuator_wired_the_other_way_round_is_turned():

@@ -85,7 +85,7 @@ def _factor(place: str, slope: float, per_volt: float) -> float:
     unit = parameter(place)[1].unit
     if power := power_of_y(unit):
         return 1.0 / slope if power > 0 else slope
-    return per_volt if unit == "V" else 1.0
+    return per_volt if unit.split("/")[0] == "V" else 1.0
 
 
 def rounded(value: float) -> float:
