@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import hidden_rough
 import numpy as np
 import pytest
 from hidden_cases import (
@@ -344,3 +345,16 @@ def test_from_a_number_on_an_eccentric_encoder_that_turns_more_than_a_wave_is_no
     with pytest.raises(Invisible, match="ripple"):
         _fair(case)
     _fair(replace(case, number=A_TURN_SINCE - 1))
+
+
+def test_torques_under_which_the_truth_has_no_end_are_left_out(monkeypatch):
+    """Oil whose stiffness depends on the place was driven to where it is none: all readings were missing."""
+    case = draw(40, "clean", (), "multisine", False, duration=3.0)
+    how, usual = replace(rough(case), gusts=0.5), hidden_rough.sampled
+
+    def without_end(shaken, how, noise):
+        y, u = usual(shaken, how, noise)
+        return y * (np.nan if "gusts" in shaken.rig.effects else 1.0), u
+
+    monkeypatch.setattr(hidden_rough, "sampled", without_end)
+    assert np.all(np.isfinite(make_rough_record(case, how).y))

@@ -26,6 +26,7 @@ HIDDEN = [
     pytest.param(130281, ("asymmetric_gain",), id="what each window begins with is no spring"),
     pytest.param(130872, ("valve_rate_limit",), id="moves in every second window are searched there"),
     pytest.param(131036, ("load_bias",), id="an offset that moves slowly is no wave"),
+    pytest.param(132371, ("measured_disturbance",), id="a measured force that moves the load is named"),
     pytest.param(121246, ("valve_saturation",), id="commands that a logger takes late are no second inertia"),
 ]
 
