@@ -350,7 +350,7 @@ def test_from_a_number_on_an_eccentric_encoder_that_turns_more_than_a_wave_is_no
 def test_torques_under_which_the_truth_has_no_end_are_left_out(monkeypatch):
     """Oil whose stiffness depends on the place was driven to where it is none: all readings were missing."""
     case = draw(40, "clean", (), "multisine", False, duration=3.0)
-    how, usual = replace(rough(case), gusts=0.5), hidden_rough.sampled
+    how, usual = replace(rough(case), hum=0.0, wander=0.0, gusts=0.5), hidden_rough.sampled
 
     def without_end(shaken, how, noise):
         y, u = usual(shaken, how, noise)
