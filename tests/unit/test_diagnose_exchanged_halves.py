@@ -22,7 +22,7 @@ class Setup(SimpleNamespace):
 
 
 def search_setup():
-    budget = SimpleNamespace(anew=lambda: "anew")
+    budget = SimpleNamespace(anew=lambda: "anew", too_late=lambda: False)
     return Setup(exchanged=False, budget=budget, progress=lambda *_: None)
 
 
