@@ -82,15 +82,15 @@ def found(
     """
     usual = output_of(recordings[0], config, options.axis)
     asked = pipeline.Options(
-        options.output or (usual if config is not None else None),
-        config,
-        options.axis,
-        options.effort,
-        options.hold,
-        options.gain,
-        options.delay,
-        usual,
-        options.relevance,
+        output=options.output or (usual if config is not None else None),
+        config=config,
+        axis=options.axis,
+        effort=options.effort,
+        hold=options.hold,
+        gain=options.gain,
+        delay=options.delay,
+        usual=usual,
+        relevance=options.relevance,
     )
     d = with_intervals(_diagnosed(recordings, holdout, asked, progress))
     names = [each.paths[0].name for each in recordings]

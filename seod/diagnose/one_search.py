@@ -1,4 +1,4 @@
-"""One search: causes of what a baseline leaves in windows to fit, and the numbers as they are told."""
+"""One search: causes of what a baseline leaves in windows to fit, and the numbers as they are reported."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.verdict import PIPELINE
-from seod.diagnose.verdict.answer import Searched
+from seod.diagnose.verdict.answer import Findings
 from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     Progress = Callable[[str, float], None]
 
 
-class Way(NamedTuple):
-    """How it is searched.
+class SearchSetup(NamedTuple):
+    """How causes are searched.
 
     `fixed` are effects of the rig's model, and what the user tells. `exchanged`: windows are fitted that are
     held out otherwise, and the reverse.
@@ -66,7 +66,7 @@ class Way(NamedTuple):
     exchanged: bool = False
 
 
-class Start(NamedTuple):
+class SearchStart(NamedTuple):
     """Where causes are searched: windows to fit, windows held out, and Eq. 1 on them."""
 
     to_fit: Cut
@@ -76,52 +76,52 @@ class Start(NamedTuple):
     base: Judged
 
 
-class Told(NamedTuple):
+class SearchResult(NamedTuple):
     """Where causes are searched, all windows that no fit sees, what was found, and what that used.
 
     `timed` is when commands were given, where that was found; `exchanged`: the halves of the windows were.
     """
 
-    start: Start
+    start: SearchStart
     unseen: Cut
-    found: Searched
+    findings: Findings
     budget: Budget
     timed: OtherTiming | SwitchTimes | None = None
     exchanged: bool = False
 
 
-def searched(
+def search_once(
     every: tuple[Sequence[Series], Sequence[Series]],
-    way: Way,
+    setup: SearchSetup,
     closed: ClosedForm,
     known: Fitted | None = None,
-) -> Told:
+) -> SearchResult:
     """What is found in the first recordings; no choice sees the others. It begins from a `known` set, too."""
     own, others = every
     halves = cut(own)
-    if way.exchanged:
+    if setup.exchanged:
         halves = exchanged(*halves)
-    start = _start(*halves, way)
+    start = _search_start(*halves, setup)
     unseen = _with(start.held_out, others)
-    found = _search(start, unseen, way, closed, known)
-    return Told(start, unseen, found, way.budget, exchanged=way.exchanged)
+    findings = _findings(start, unseen, setup, closed, known)
+    return SearchResult(start, unseen, findings, setup.budget, exchanged=setup.exchanged)
 
 
 def _with(held_out: Cut, others: Sequence[Series]) -> Cut:
     """Windows held out of the recordings, and all those of recordings that no fit sees."""
     every = [*held_out.series, *others]
     more = [one for one in all_windows(every) if one[0] >= len(held_out.series)]
-    told = (one for one in more if can_be_scored(every[one[0]], *one[1:]))
-    return Cut(every, (*held_out.windows, *told))
+    scored = (one for one in more if can_be_scored(every[one[0]], *one[1:]))
+    return Cut(every, (*held_out.windows, *scored))
 
 
-def _start(to_fit: Cut, held_out: Cut, way: Way) -> Start:
+def _search_start(to_fit: Cut, held_out: Cut, setup: SearchSetup) -> SearchStart:
     small = fitted_windows(to_fit)
-    screened = screen(small, way.parallel, way.budget)
-    begun = baseline(screened.cut, way.sees_speed, way.fixed.effects, way.parallel, way.fixed.gain)
+    screened = screen(small, setup.parallel, setup.budget)
+    begun = baseline(screened.cut, setup.sees_speed, setup.fixed.effects, setup.parallel, setup.fixed.gain)
     first = begun.best
     base = fit(
-        first.model, small, first.x, simulated_states(first.model, first.x, small), parallel=way.parallel
+        first.model, small, first.x, simulated_states(first.model, first.x, small), parallel=setup.parallel
     )
     plain = simulate_held_out(base.model, base.x, held_out)
     if plain.floor > PIPELINE.mostly_noise:
@@ -129,15 +129,17 @@ def _start(to_fit: Cut, held_out: Cut, way: Way) -> Start:
             f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
             "a diagnosis needs a movement"
         )
-    return Start(to_fit, held_out, screened, begun, Judged(base, plain))
+    return SearchStart(to_fit, held_out, screened, begun, Judged(base, plain))
 
 
-def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm, known: Fitted | None) -> Searched:
+def _findings(
+    start: SearchStart, unseen: Cut, setup: SearchSetup, closed: ClosedForm, known: Fitted | None
+) -> Findings:
     to_fit, held_out, screened, begun, base = start
-    small, progress = fitted_windows(to_fit), way.progress
+    small, progress = fitted_windows(to_fit), setup.progress
     begun = hidden_by_offset(begun, base, closed)
     near = begun.closed or begun.near
-    sizes = replace(scales(near, near.cut), given=way.fixed.given)
+    sizes = replace(scales(near, near.cut), given=setup.fixed.given)
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
     starts = search_roots(base.found, begun, sizes, screened.cut)
@@ -147,57 +149,64 @@ def _search(start: Start, unseen: Cut, way: Way, closed: ClosedForm, known: Fitt
     progress("fitting the best", 0.6)
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
-    base, chosen = _told(choice, start, unseen, way)
+    base, chosen = _reported(choice, start, unseen, setup)
     while (none := without_a_size(chosen, choice)) is not None:
         choice = choice.less(none, grown.tried, held_out, screened)
-        base, chosen = _told(choice, start, unseen, way)
-    is_base = chosen.over_all is base.found
-    last_base = chosen.to_all if is_base else _last(base.found, start, way, as_recorded=True)
-    chosen = replace(chosen, again=_fitted_again(chosen.last, len(to_fit.series), unseen, way))
+        base, chosen = _reported(choice, start, unseen, setup)
+    is_base = chosen.without_held_out is base.found
+    last_base = chosen.all_rows if is_base else _by_all_rows(base.found, start, setup, as_recorded=True)
+    chosen = replace(chosen, per_holdout=_per_holdout(chosen.reported, len(to_fit.series), unseen, setup))
     effects = found_effects(chosen, screened, grown.tried)
-    seen = Judged.of(chosen.over_all, to_fit).held
-    return Searched(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
+    seen = Judged.of(chosen.without_held_out, to_fit).held
+    return Findings(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
 
 
-def _told(choice: Choice, start: Start, unseen: Cut, way: Way) -> tuple[Judged, Chosen]:
-    """Baseline and set as they are told: where more than white noise is left, by what noise remembers."""
-    return _remembering(choice, *_measured(choice, start, unseen, way), start, unseen, way)
+def _reported(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetup) -> tuple[Judged, Chosen]:
+    """Baseline and set as they are reported: where more than white noise is left, by what noise remembers."""
+    return _remembering(choice, *_measured(choice, start, unseen, setup), start, unseen, setup)
 
 
-def _measured(choice: Choice, start: Start, unseen: Cut, way: Way) -> tuple[Judged, Chosen]:
+def _measured(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetup) -> tuple[Judged, Chosen]:
     """Both by their simulations: numbers by all rows but those held out, figures by all unseen."""
     best = choice.best.found
-    over_all = best
+    without_held_out = best
     if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
-        over_all = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), way.parallel)
+        without_held_out = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), setup.parallel)
     most = choice.base.held.rms
-    over_all = fitted_in_one_run(over_all, start.held_out, most, way.parallel, way.budget.last_fit())
-    last = _last(over_all, start, way)
-    if over_all is best and unseen.windows == start.held_out.windows:
-        return choice.base, Chosen(best, best, last, choice.without, choice.best.held)
-    every = [choice.base.found, over_all, *(one.found for one in choice.without.values())]
-    base, own, *rest = way.parallel(lambda one: Judged.of(one, unseen), every)
-    return base, Chosen(best, over_all, last, dict(zip(choice.without, rest, strict=True)), own.held)
+    without_held_out = fitted_in_one_run(
+        without_held_out, start.held_out, most, setup.parallel, setup.budget.last_fit()
+    )
+    all_rows = _by_all_rows(without_held_out, start, setup)
+    if without_held_out is best and unseen.windows == start.held_out.windows:
+        return choice.base, Chosen(best, best, all_rows, choice.without, choice.best.held)
+    every = [choice.base.found, without_held_out, *(one.found for one in choice.without.values())]
+    base, own, *rest = setup.parallel(lambda one: Judged.of(one, unseen), every)
+    without = dict(zip(choice.without, rest, strict=True))
+    return base, Chosen(best, without_held_out, all_rows, without, own.held)
 
 
 def _remembering(
-    choice: Choice, base: Judged, chosen: Chosen, start: Start, unseen: Cut, way: Way
+    choice: Choice, base: Judged, chosen: Chosen, start: SearchStart, unseen: Cut, setup: SearchSetup
 ) -> tuple[Judged, Chosen]:
     """The same where more than white noise is left: by prediction errors, or beside a load that drifts."""
     if choice.best.held.adequacy <= HELD_OUT.adequate:
         return base, chosen
-    predicted = _by_predictions(choice, chosen.over_all, start, way)
+    predicted = _by_predictions(choice, chosen.without_held_out, start, setup)
     if predicted is None:
-        drift = drifting_load(chosen.to_all, chosen.to_all.cut.series, way.parallel, way.budget.drift())
+        drift = drifting_load(
+            chosen.all_rows, chosen.all_rows.cut.series, setup.parallel, setup.budget.drift()
+        )
         return base, replace(chosen, drift=drift)
     own = Judged.of(predicted.told, unseen)
     without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
-    last = _last(own.found, start, way)
-    told = Chosen(own.found, own.found, last, without, own.held, noise_alone=True)
-    return (base if own.found.model.names else own), told
+    all_rows = _by_all_rows(own.found, start, setup)
+    chosen = Chosen(own.found, own.found, all_rows, without, own.held, noise_alone=True)
+    return (base if own.found.model.names else own), chosen
 
 
-def _by_predictions(choice: Choice, found: Fitted, start: Start, way: Way) -> Predicted | None:
+def _by_predictions(
+    choice: Choice, found: Fitted, start: SearchStart, setup: SearchSetup
+) -> Predicted | None:
     """The set fitted by prediction errors; None where these leave something systematic.
 
     Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left. Or
@@ -213,7 +222,7 @@ def _by_predictions(choice: Choice, found: Fitted, start: Start, way: Way) -> Pr
         account, _ = accounted(fitted, seen, held, choice.base.held, predicted=True)
         return account is not None and account.systematic == 0.0 and account.asked
 
-    how = Predictions(choice.base.found, asked, way.parallel, way.budget.last_fit, noise_alone)
+    how = Predictions(choice.base.found, asked, setup.parallel, setup.budget.last_fit, noise_alone)
     predicted = how.predicted(found)
     if predicted is None:
         return None
@@ -221,22 +230,24 @@ def _by_predictions(choice: Choice, found: Fitted, start: Start, way: Way) -> Pr
     return predicted if own.nrmse <= PREDICTION.as_far * simulated.nrmse else None
 
 
-def _fitted_again(last: Fitted, seen: int, unseen: Cut, way: Way) -> tuple[Fitted | None, ...]:
+def _per_holdout(reported: Fitted, seen: int, unseen: Cut, setup: SearchSetup) -> tuple[Fitted | None, ...]:
     """The set fitted to each recording after the first `seen` alone: whether sizes repeat."""
-    if not last.model.names:
+    if not reported.model.names:
         return ()
     every = [Cut([one], all_windows([one])) for one in unseen.series[seen:]]
     return tuple(
-        fitted_to_all_rows(last, one, way.parallel, way.budget.last_fit()) if one.windows else None
+        fitted_to_all_rows(reported, one, setup.parallel, setup.budget.last_fit()) if one.windows else None
         for one in every
     )
 
 
-def _last(found: Fitted, start: Start, way: Way, *, as_recorded: bool = False) -> Fitted:
+def _by_all_rows(
+    found: Fitted, start: SearchStart, setup: SearchSetup, *, as_recorded: bool = False
+) -> Fitted:
     """Fitted to all rows of the recordings, once nothing more is asked of those that were held out."""
     series = start.held_out.series
     if any(len(one.blocks) > 1 for one in series):
         every = all_but(series, Cut(series, ()))
     else:
         every = Cut(series, tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
-    return fitted_to_all_rows(found, every, way.parallel, way.budget.last_fit(), as_recorded)
+    return fitted_to_all_rows(found, every, setup.parallel, setup.budget.last_fit(), as_recorded)

@@ -16,7 +16,7 @@ from seod.diagnose.fitting.command_lead import lead_remarks
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.switch_times import switch_times
 from seod.diagnose.fitting.work import counted
-from seod.diagnose.one_search import Told, Way, searched
+from seod.diagnose.one_search import SearchResult, SearchSetup, search_once
 from seod.diagnose.record.blocks import in_blocks
 from seod.diagnose.record.closed_form import (
     ClosedForm,
@@ -38,7 +38,7 @@ from seod.diagnose.starts.common_baseline import common_baseline
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.diagnose.tuning.record import CLOSED_FORM, SERIES
 from seod.diagnose.tuning.verdict import PIPELINE
-from seod.diagnose.verdict.answer import Searched, answered, most_left, trimmed, unseen_by_fits
+from seod.diagnose.verdict.answer import Findings, answered, most_left, trimmed, unseen_by_fits
 from seod.diagnose.verdict.remarks import EXCHANGED
 from seod.machine.limits import processors
 
@@ -119,31 +119,31 @@ def _diagnose(
     with ThreadPoolExecutor(processors()) as pool:
         parallel, fixed = counted(pool.map), _fixed(asked, rig.effects)
 
-        def searched_as(output: Output, show: Progress) -> Told:
+        def searched_as(output: Output, show: Progress) -> SearchResult:
             every = rows.series(sees_speed=output == "velocity")
             samples = sum(last - first for one in every[0] for first, last in one.blocks)
-            way = Way(output == "velocity", fixed, parallel, Budget.of(samples, asked.effort), show)
-            told, way = _in_either_half(every, way, types.closed[output])
+            setup = SearchSetup(output == "velocity", fixed, parallel, Budget.of(samples, asked.effort), show)
+            result, setup = _in_either_half(every, setup, types.closed[output])
             if asked.hold is not None:
-                return told
-            return _timed_otherwise(told, every, way, types.closed[output])
+                return result
+            return _timed_otherwise(result, every, setup, types.closed[output])
 
         progress("fitting Eq. 1", 0.0)
-        told, output, typed = _as_either(types, searched_as, progress)
-        start, unseen, found, budget, timed, in_others = told
+        result, output, typed = _as_either(types, searched_as, progress)
+        start, unseen, findings, budget, timed, in_others = result
         if any(defects.has_outliers for defects in checked):
-            found = trimmed(found)
+            findings = trimmed(findings)
         common = common_baseline(
             start.base.found, start.to_fit, start.held_out, types.closed[output], fixed, parallel
         )
     progress("comparing", 0.9)
-    answer = answered(found, start.to_fit, unseen, checked, output, asked.relevance)
+    answer = answered(findings, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
     remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
-    remarks += lead_remarks(found.chosen.last) if timed is None else [timed.sentence]
-    searched = start.to_fit.series
+    remarks += lead_remarks(findings.chosen.reported) if timed is None else [timed.sentence]
+    fitted = start.to_fit.series
     remarks += [EXCHANGED] if in_others else []
-    remarks += [_long(searched)] if any(len(one.blocks) > 1 for one in searched) else []
+    remarks += [_long(fitted)] if any(len(one.blocks) > 1 for one in fitted) else []
     answer = replace(
         answer,
         remarks=(*typed, *unbelieved, *paused, *paused_too, *answer.remarks, *remarks, *budget.remarks),
@@ -183,87 +183,91 @@ class _Rows(NamedTuple):
 
 
 def _in_either_half(
-    every: tuple[Sequence[Series], Sequence[Series]], way: Way, closed: ClosedForm
-) -> tuple[Told, Way]:
+    every: tuple[Sequence[Series], Sequence[Series]], setup: SearchSetup, closed: ClosedForm
+) -> tuple[SearchResult, SearchSetup]:
     """What is found, and how: with the halves exchanged, where one held out shows what no fit has seen.
 
     A machine's operation may have one long move. If causes are named of it that leave less in either half,
     they are told.
     """
-    told = searched(every, way, closed)
-    own = _in_own_windows(told)
-    if way.budget.too_late() or not unseen_by_fits(own):
-        return told, way
-    other = way._replace(budget=way.budget.anew(), progress=_later(way.progress), exchanged=True)
+    result = search_once(every, setup, closed)
+    own = _in_own_windows(result)
+    if setup.budget.too_late() or not unseen_by_fits(own):
+        return result, setup
+    other = setup._replace(budget=setup.budget.anew(), progress=_later(setup.progress), exchanged=True)
     try:
-        again = searched(every, other, closed)
+        again = search_once(every, other, closed)
     except DiagnoseError:  # the other half says nothing
-        return told, way
-    if again.found.effects and most_left(_in_own_windows(again)) < most_left(own):
+        return result, setup
+    if again.findings.effects and most_left(_in_own_windows(again)) < most_left(own):
         return again, other
-    return told, way
+    return result, setup
 
 
-def _in_own_windows(told: Told) -> Searched:
+def _in_own_windows(result: SearchResult) -> Findings:
     """What was found, with errors held out of the first recordings alone: no choice sees the others."""
-    found, held_out = told.found, told.start.held_out
-    if told.unseen.windows == held_out.windows:
-        return found
-    base, best = (Judged.of(one, held_out).held for one in (found.base, found.chosen.over_all))
-    return replace(found, held=base, chosen=replace(found.chosen, held=best))
+    findings, held_out = result.findings, result.start.held_out
+    if result.unseen.windows == held_out.windows:
+        return findings
+    base, best = (Judged.of(one, held_out).held for one in (findings.base, findings.chosen.without_held_out))
+    return replace(findings, held=base, chosen=replace(findings.chosen, held=best))
 
 
 def _timed_otherwise(
-    told: Told, every: tuple[Sequence[Series], Sequence[Series]], way: Way, closed: ClosedForm
-) -> Told:
+    result: SearchResult,
+    every: tuple[Sequence[Series], Sequence[Series]],
+    setup: SearchSetup,
+    closed: ClosedForm,
+) -> SearchResult:
     """What is found where commands were given other than recorded.
 
     If a cause is not needed then, or if each switch of a relay has a time of its own: not where all that is
     left is the rounding of a coarse sensor, within which times may be any.
     """
-    over = way.budget.too_late
+    over = setup.budget.too_late
     if over():  # a search that tries nothing would find less
-        return told
-    chosen, start = told.found.chosen, told.start
+        return result
+    chosen, start = result.findings.chosen, result.start
     without = {name: one.found for name, one in chosen.without.items()}
-    anew = way._replace(budget=way.budget.anew(), progress=_later(way.progress))
-    timed = other_timing(chosen.found, without, start.held_out, way.parallel, over)
+    anew = setup._replace(budget=setup.budget.anew(), progress=_later(setup.progress))
+    timed = other_timing(chosen.searched, without, start.held_out, setup.parallel, over)
     if timed is not None:
         own, others = ([timed.timing.of(one) for one in part] for part in every)
-        again = searched((own, others), anew, closed)
-        return told if len(again.found.effects) > len(told.found.effects) else again._replace(timed=timed)
-    if start.held_out.coarse and most_left(told.found) <= HELD_OUT.adequate:
-        return told
+        again = search_once((own, others), anew, closed)
+        more = len(again.findings.effects) > len(result.findings.effects)
+        return result if more else again._replace(timed=timed)
+    if start.held_out.coarse and most_left(result.findings) <= HELD_OUT.adequate:
+        return result
     windows = Cut(every[0], tuple(sorted((*start.to_fit.windows, *start.held_out.windows))))
-    sets = [start.base.found, *without.values(), chosen.found] if without else [chosen.found]
-    model = told.found.grown.best[-1].model
-    switches = switch_times(sets, windows, way.parallel, lambda: start.screened.grid_sets(model), over)
+    sets = [start.base.found, *without.values(), chosen.searched] if without else [chosen.searched]
+    model = result.findings.grown.best[-1].model
+    switches = switch_times(sets, windows, setup.parallel, lambda: start.screened.grid_sets(model), over)
     if switches is None or over():
-        return told
-    again = searched((switches.of(every[0]), every[1]), anew, closed, switches.told_by)
+        return result
+    again = search_once((switches.of(every[0]), every[1]), anew, closed, switches.told_by)
     return again._replace(timed=switches)
 
 
 def _as_either(
-    types: Types, searched_as: Callable[[Output, Progress], Told], progress: Progress
-) -> tuple[Told, Output, tuple[str, ...]]:
+    types: Types, searched_as: Callable[[Output, Progress], SearchResult], progress: Progress
+) -> tuple[SearchResult, Output, tuple[str, ...]]:
     """What is found, what y is, and what is said of that.
 
     Where Eq. 1 leaves it open, and much is left of the likelier type, the other one is searched as well.
     """
     likelier, *other = types.open
-    told = searched_as(likelier, progress)
-    left = told.found.chosen.held.nrmse
+    result = searched_as(likelier, progress)
+    left = result.findings.chosen.held.nrmse
     if not other or left <= CLOSED_FORM.good:
-        return told, likelier, types.said
+        return result, likelier, types.said
     try:
         again = searched_as(other[0], _later(progress))
     except DiagnoseError:  # as this type it says nothing
-        return told, likelier, types.said
-    nearer = again.found.chosen.held.nrmse
+        return result, likelier, types.said
+    nearer = again.findings.chosen.held.nrmse
     if nearer < CLOSED_FORM.nearer * left:
         return again, other[0], (taken_for(other[0], nearer, left, "what is found leaves, held out,"),)
-    return told, likelier, types.said
+    return result, likelier, types.said
 
 
 def _later(progress: Progress) -> Progress:

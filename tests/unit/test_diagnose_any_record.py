@@ -95,7 +95,7 @@ def test_every_cause_that_is_tried_has_starts_that_its_limits_allow(unit, slower
         ends = [{c.place: getattr(c, end) for c in searched.coordinates} for end in ("low", "high")]
         plant = {"K_L": 1.0, "omega_n": sizes.omega_n, "zeta": 0.4, "coulomb_friction.level": sizes.pressure}
         for start in (*searched.starts, *ends):
-            more.record(more.searched(plant | start))
+            more.kernel_parameters(more.searched(plant | start))
         assert np.all(more.bounds[0] < more.bounds[1])
 
 

@@ -138,7 +138,7 @@ def test_each_has_a_model_that_can_be_simulated(name):
             iter(group(each, SIZES).starts), {c.place: c.low for c in group(each, SIZES).coordinates}
         )
         values |= begin
-    model.record(model.searched(values))
+    model.kernel_parameters(model.searched(values))
     assert [START[column] for column in model.states] == [
         each
         for each in START
@@ -157,7 +157,7 @@ def test_one_that_acts_elsewhere_too_is_simulated_there(name):
     assert place.parameter not in model.effects(x)[name]
     moved = model.at_other_place(name)
     assert moved.effects(x)[name][place.parameter] == 1.0
-    assert moved.record(x)[f"{name}_{place.parameter}"] == 1.0
+    assert moved.kernel_parameters(x)[f"{name}_{place.parameter}"] == 1.0
     assert moved.at_other_place(name) == model
     assert moved.without(name).moved == frozenset()
 

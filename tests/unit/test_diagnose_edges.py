@@ -115,7 +115,7 @@ def test_beside_a_jump_an_error_counts_less_and_elsewhere_in_full():
     model = model_of(one, "backlash", speed=True)
     whole, start = Cut([one], ((0, 0, N),)), np.zeros((1, 7))
     x = model.searched(TRUTH | {"backlash.gap": 0.03})
-    record = model.record(x)
+    record = model.kernel_parameters(x)
     seen, more = smooth(record, whole, start, 1.0)
     error = weighted(model, whole, x, start)
     plain = one.y - seen
@@ -129,7 +129,7 @@ def test_a_window_that_begins_at_rest_finds_its_place():
     one = recorded("sticks", noise=0.02)
     model = model_of(one, "stribeck_friction")
     x = model.searched(TRUTH | {"stribeck_friction.level": 400.0, "stribeck_friction.speed": 1.0})
-    record, whole = model.record(x), Cut([one], ((0, 0, N),))
+    record, whole = model.kernel_parameters(x), Cut([one], ((0, 0, N),))
     states = inside(record, whole, np.zeros((1, 7)))[1]
     still = 300 + int(np.flatnonzero(states[300:, 1] == 0.0)[0])
     window = Cut([one], ((0, still, N),))
@@ -234,7 +234,7 @@ def test_windows_that_begin_in_motion_keep_their_bristles_within_what_they_bend(
     found = fit(model, few, x, begun_states(model, x, few, dry.start), most=40)
     assert found.cost < dry.cost + 0.003
     bends = 2.0 * model.values(found.x)["coulomb_friction.level"]
-    bends /= model.record(found.x)["lugre_friction_stiffness"][0]
+    bends /= model.kernel_parameters(found.x)["lugre_friction_stiffness"][0]
     assert np.all((found.start[:, LOOSE] >= 0.0) & (found.start[:, LOOSE] <= bends * 1.001))
 
 
@@ -251,11 +251,11 @@ def test_bristles_come_and_go_with_the_friction_that_they_bear():
         | {"load_bias.acceleration": 0.0, "coulomb_friction.level": 0.0}
         | {"lugre_friction.stiffness": 1e9, "lugre_friction.damping": 1.0}
     )
-    record = both.record(stiff)  # no stiffer than the level there is
+    record = both.kernel_parameters(stiff)  # no stiffer than the level there is
     stiffest = STIFFEST_LUGRE / model.scales.peak_to_peak * record["coulomb_friction_level"][0]
     assert record["lugre_friction_stiffness"][0] == pytest.approx(min(stiffest, 1e9))
     assert stiffest < 1e3
-    dull = both.record(both.searched(TRUTH | both.values(stiff) | {"lugre_friction.damping": 1e6}))
+    dull = both.kernel_parameters(both.searched(TRUTH | both.values(stiff) | {"lugre_friction.damping": 1e6}))
     assert dull["lugre_friction_damping"][0] == pytest.approx(4.0 * np.sqrt(stiffest))
 
 

@@ -12,18 +12,18 @@ from seod.diagnose.record.windows import Cut, exchanged
 from seod.diagnose.result import DiagnoseError
 
 
-def told(name, most, effects=()):
-    return SimpleNamespace(name=name, found=SimpleNamespace(effects=effects, most=most))
+def result(name, most, effects=()):
+    return SimpleNamespace(name=name, findings=SimpleNamespace(effects=effects, most=most))
 
 
-class Way(SimpleNamespace):
+class Setup(SimpleNamespace):
     def _replace(self, **changes):
-        return Way(**vars(self) | changes)
+        return Setup(**vars(self) | changes)
 
 
-def way():
-    budget = SimpleNamespace(anew=lambda: "anew")
-    return Way(exchanged=False, budget=budget, progress=lambda *_: None)
+def search_setup():
+    budget = SimpleNamespace(anew=lambda: "anew", too_late=lambda: False)
+    return Setup(exchanged=False, budget=budget, progress=lambda *_: None)
 
 
 def searched(monkeypatch, first, second):
@@ -36,25 +36,25 @@ def searched(monkeypatch, first, second):
             raise second
         return second if how.exchanged else first
 
-    monkeypatch.setattr(pipeline, "searched", search)
-    monkeypatch.setattr(pipeline, "most_left", lambda found: found.most)
-    monkeypatch.setattr(pipeline, "_in_own_windows", lambda told: told.found)
-    answer, how = pipeline._in_either_half(None, way(), None)
+    monkeypatch.setattr(pipeline, "search_once", search)
+    monkeypatch.setattr(pipeline, "most_left", lambda findings: findings.most)
+    monkeypatch.setattr(pipeline, "_in_own_windows", lambda result: result.findings)
+    answer, how = pipeline._in_either_half(None, search_setup(), None)
     return answer.name, how.exchanged, made
 
 
 @pytest.mark.parametrize(
     ("second", "taken"),
     [
-        pytest.param(told("others", 2.0, ("valve_rate_limit",)), True, id="a cause that leaves less"),
-        pytest.param(told("others", 2.0), False, id="no cause"),
-        pytest.param(told("others", 90.0, ("load_spring",)), False, id="a cause that leaves as much"),
+        pytest.param(result("others", 2.0, ("valve_rate_limit",)), True, id="a cause that leaves less"),
+        pytest.param(result("others", 2.0), False, id="no cause"),
+        pytest.param(result("others", 90.0, ("load_spring",)), False, id="a cause that leaves as much"),
         pytest.param(DiagnoseError("too short"), False, id="the other half says nothing"),
     ],
 )
 def test_the_other_half_is_searched_where_it_alone_shows_something(monkeypatch, second, taken):
     monkeypatch.setattr(pipeline, "unseen_by_fits", lambda _: True)
-    name, how, made = searched(monkeypatch, told("own", 80.0), second)
+    name, how, made = searched(monkeypatch, result("own", 80.0), second)
     assert (name, how) == (("others", True) if taken else ("own", False))
     assert [one.exchanged for one in made] == [False, True]
     assert made[1].budget == "anew"
@@ -62,7 +62,7 @@ def test_the_other_half_is_searched_where_it_alone_shows_something(monkeypatch, 
 
 def test_where_both_halves_show_the_same_there_is_one_search(monkeypatch):
     monkeypatch.setattr(pipeline, "unseen_by_fits", lambda _: False)
-    name, how, made = searched(monkeypatch, told("own", 80.0), told("others", 1.0, ("valve_rate_limit",)))
+    name, how, made = searched(monkeypatch, result("own", 80.0), result("others", 1.0, ("valve_rate_limit",)))
     assert (name, how, len(made)) == ("own", False, 1)
 
 

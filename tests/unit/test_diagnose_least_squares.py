@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
-from seod.diagnose.causes.record import Coordinate
+from seod.diagnose.causes.cause import Coordinate
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import group, searched_causes
 from seod.diagnose.causes.valve import LARGEST_LIMIT
@@ -286,11 +286,11 @@ def test_every_start_is_a_plant_and_survives_the_way_there_and_back(name):
         x = model.searched(TRUTH | start)
         for place, value in start.items() - {p for p in start.items() if p[0][0] == "*"}:
             assert model.values(x)[place] == pytest.approx(value, rel=1e-9)
-        assert model.record(x)["K_L"][0] == pytest.approx(K_L)
+        assert model.kernel_parameters(x)["K_L"][0] == pytest.approx(K_L)
     assert set(grouped(model.values(x))) == {name}
     low, high = model.bounds
     for end in (low, high):
-        model.record(end)
+        model.kernel_parameters(end)
 
 
 def test_all_causes_that_act_on_the_plant_are_searched():

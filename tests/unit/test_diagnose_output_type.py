@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from seod.data import Recording
-from seod.diagnose.one_search import searched as search_once
+from seod.diagnose.one_search import search_once
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.closed_form import ClosedForm, output_types
 from seod.diagnose.result import DiagnoseError
@@ -96,11 +96,11 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
     y = y + 0.005 * np.std(y) * np.random.default_rng(3).normal(size=N)
     types = []
 
-    def counted(every, way, closed):
-        types.append(way.sees_speed)
-        return search_once(every, way, closed)
+    def counted(every, setup, closed):
+        types.append(setup.sees_speed)
+        return search_once(every, setup, closed)
 
-    monkeypatch.setattr("seod.diagnose.pipeline.searched", counted)
+    monkeypatch.setattr("seod.diagnose.pipeline.search_once", counted)
     found = diagnose([recorded(y, u - np.mean(u))], (), Options(None, effort="quick"))
     assert found.output == "position"
     assert found.extended.holdout_nrmse < 0.05
@@ -112,12 +112,12 @@ def test_a_position_that_is_well_told_is_searched_once(monkeypatch):
 def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
     monkeypatch.setitem(EFFORTS, "quick", 0.05)
 
-    def searched(every, way, closed):
-        if way.sees_speed:
+    def searched(every, setup, closed):
+        if setup.sees_speed:
             raise DiagnoseError("y is noise for the most part")
-        return search_once(every, way, closed)
+        return search_once(every, setup, closed)
 
-    monkeypatch.setattr("seod.diagnose.pipeline.searched", searched)
+    monkeypatch.setattr("seod.diagnose.pipeline.search_once", searched)
     u = steps()
     y = np.abs(stepped(*SPEED, u)[:, 0])
     assert diagnose([recorded(y, u)], (), Options(None, effort="quick")).output == "position"

@@ -186,11 +186,11 @@ def test_parameters_asked_for_again_are_those_of_the_numbers_given(late):
     _, parent = late
     search = LeastSquares(parent.model, parent.cut, map, np.ones(3, np.bool_))
     x = parent.x.copy()
-    first = search.record(x)
-    assert search.record(parent.x) is first
+    first = search.kernel_parameters(x)
+    assert search.kernel_parameters(parent.x) is first
     x[1] += 0.1
-    assert search.record(x) == parent.model.record(x) != first
-    assert search.record(parent.x) == first
+    assert search.kernel_parameters(x) == parent.model.kernel_parameters(x) != first
+    assert search.kernel_parameters(parent.x) == first
 
 
 def test_slow_commands_keep_the_samples_that_show_how_the_plant_swings():

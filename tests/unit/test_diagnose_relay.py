@@ -69,7 +69,7 @@ def test_fewer_samples_see_the_same_plant():
     assert len(few.series[0].u) < 0.1 * N
     assert few.series[0].period_s / few.series[0].tick >= 50.0
     model = model_of(one, "coulomb_friction")
-    record = model.record(searched(model, STALLS))
+    record = model.kernel_parameters(searched(model, STALLS))
     every, some = (Cut([each], ((0, 0, len(each.t)),)) for each in (one, few.series[0]))
     y = simulate(record, every, measured_places(every))[:: one.t.searchsorted(few.series[0].t[1])]
     seen = simulate(record, some, measured_places(every))
@@ -99,7 +99,7 @@ def test_where_in_its_play_a_load_was_at_rest_is_found():
     model = model_of(one, *LOST)
     x = searched(model, LOST)
     start = begun_states(model, x, every)
-    left = one.y[: N // 4] - simulate(model.record(x), every, start)
+    left = one.y[: N // 4] - simulate(model.kernel_parameters(x), every, start)
     assert np.mean(left**2) < 1.2 * math.exp(noise_of("lost"))
 
 
@@ -219,10 +219,10 @@ def test_states_are_those_of_the_same_phase_of_other_limit_cycles():
     found = fit(model, fitted, x, start, most=1)
     spoiled = replace(found, start=np.vstack([found.start[:1] + 1e3, found.start[1:]]))
     spoiled = replace(spoiled, error=found.error * np.array([1e4, *np.ones(len(found.error) - 1)]))
-    held = simulate(model.record(found.x), aside, alike_states(spoiled, aside))
+    held = simulate(model.kernel_parameters(found.x), aside, alike_states(spoiled, aside))
     truth = one.y[aside.windows[0][1] : aside.windows[0][2]]
     assert np.abs(held[aside.slices[0]] - truth).mean() < 0.03 * np.std(truth)
-    blind = simulate(model.record(found.x), aside, carried_states(spoiled, aside))
+    blind = simulate(model.kernel_parameters(found.x), aside, carried_states(spoiled, aside))
     assert np.abs(blind[aside.slices[0]] - truth).mean() > np.std(truth)
 
 

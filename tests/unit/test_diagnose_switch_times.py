@@ -15,7 +15,7 @@ from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.switch_times import _Search, switch_times
-from seod.diagnose.one_search import Told, Way
+from seod.diagnose.one_search import SearchResult, SearchSetup
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.command_timing import switch_look
 from seod.diagnose.record.series import series
@@ -203,27 +203,29 @@ def test_a_relay_that_is_seldom_looked_at_has_longer_looks():
 def test_times_within_a_coarse_sensors_rounding_are_not_asked(monkeypatch, coarse, left, asked):
     """Of 600 switches at rows each had its own time: what a sensor of six steps rounds away let it be any."""
     held, seen = (SimpleNamespace(adequacy=each) for each in left)
-    chosen = SimpleNamespace(found=None, without={}, held=held)
+    chosen = SimpleNamespace(searched=None, without={}, held=held)
     start = SimpleNamespace(to_fit=Cut([], ()), held_out=SimpleNamespace(windows=(), coarse=coarse))
-    told = Told(start, start.held_out, SimpleNamespace(chosen=chosen, seen=seen), Budget.of(1, "quick"))
+    result = SearchResult(
+        start, start.held_out, SimpleNamespace(chosen=chosen, seen=seen), Budget.of(1, "quick")
+    )
     tried = []
     monkeypatch.setattr(pipeline, "other_timing", lambda *_: None)
     monkeypatch.setattr(pipeline, "switch_times", lambda *given: tried.append(given))
-    way = Way(False, None, map, told.budget, lambda *_: None)
-    told.found.grown = SimpleNamespace(best=[SimpleNamespace(model=None)])
-    assert pipeline._timed_otherwise(told, ([], []), way, None) is told
+    setup = SearchSetup(False, None, map, result.budget, lambda *_: None)
+    result.findings.grown = SimpleNamespace(best=[SimpleNamespace(model=None)])
+    assert pipeline._timed_otherwise(result, ([], []), setup, None) is result
     assert bool(tried) is asked
 
 
 def test_what_was_found_stays_where_the_clock_has_ended_the_search(monkeypatch):
     """Another search would try nothing, and find less."""
     held = SimpleNamespace(adequacy=9.0)
-    found = SimpleNamespace(chosen=SimpleNamespace(found=None, without={}, held=held), seen=held)
+    findings = SimpleNamespace(chosen=SimpleNamespace(searched=None, without={}, held=held), seen=held)
     budget = Budget(safety=(iter([0.0, *[700.0] * 9]).__next__, 600.0))
-    told = Told(SimpleNamespace(held_out=SimpleNamespace(windows=())), None, found, budget)
+    result = SearchResult(SimpleNamespace(held_out=SimpleNamespace(windows=())), None, findings, budget)
     monkeypatch.setattr(pipeline, "other_timing", lambda *_: pytest.fail("asked"))
-    way = Way(False, None, map, budget, lambda *_: None)
-    assert pipeline._timed_otherwise(told, ([], []), way, None) is told
+    setup = SearchSetup(False, None, map, budget, lambda *_: None)
+    assert pipeline._timed_otherwise(result, ([], []), setup, None) is result
 
 
 @pytest.mark.slow

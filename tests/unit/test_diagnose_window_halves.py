@@ -17,7 +17,7 @@ from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.starts.baseline import _rough
-from seod.diagnose.verdict.answer import Searched, _remainder
+from seod.diagnose.verdict.answer import Findings, _remainder
 from seod.diagnose.verdict.effects import Chosen
 from seod.diagnose.verdict.remarks import RARE, UNFITTED
 
@@ -93,7 +93,7 @@ def test_windows_held_out_that_alone_show_more_are_told(off, shaken, said):
     held = Judged.of(found, aside).held
     best = Chosen(found, found, found, {}, held)
     (far,) = detuned(to_fit, 0.8)
-    some = Searched(far, far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
+    some = Findings(far, far, Judged.of(far, aside).held, best, Judged.of(found, to_fit).held, (), None)
     left, told = _remainder(some, Judged.of(far, to_fit).held)
     assert (left.fraction == 0.0) == (said is None)
     assert told == (said or ())

@@ -58,7 +58,7 @@ def test_overlap_and_play_need_more_than_a_relay():
     assert not told.input.startswith("relay")
     model, x = model_with("valve_deadband", half_width=0.1)
     rival, begin = model_with("valve_hysteresis", half_width=0.1)
-    record, t = model.record(x), times(OMEGA_N, TICK)
+    record, t = model.kernel_parameters(x), times(OMEGA_N, TICK)
     asked = {each.kind: each for each in excitations(OMEGA_N, VOLTS, TICK)}
     near = refitted(rival, [begin], perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), t), NOISE)
     far = refitted(
@@ -78,7 +78,7 @@ def test_lags_before_and_behind_a_linear_plant_need_another_sensor():
 def test_no_trial_asks_for_more_volts_than_the_recordings_had():
     for each in excitations(OMEGA_N, VOLTS, TICK):
         model, x = model_with("valve_lag", time=1e-3)
-        run = perform(model.record(x), each, times(OMEGA_N, TICK))
+        run = perform(model.kernel_parameters(x), each, times(OMEGA_N, TICK))
         assert np.max(np.abs(run.u)) <= VOLTS * (1.0 + 1e-12)
         assert np.ptp(run.u) > 0.0
 
@@ -86,17 +86,17 @@ def test_no_trial_asks_for_more_volts_than_the_recordings_had():
 def test_a_rival_that_is_the_truth_itself_fits():
     model, x = model_with("coulomb_friction", level=200.0)
     t = times(OMEGA_N, TICK)
-    run = perform(model.record(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
+    run = perform(model.kernel_parameters(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
     found, left = refitted(model, [x + 0.02], run, NOISE)
     assert left < 0.2
-    np.testing.assert_allclose(model.record(found)["coulomb_friction_level"], 200.0, rtol=0.01)
+    np.testing.assert_allclose(model.kernel_parameters(found)["coulomb_friction_level"], 200.0, rtol=0.01)
 
 
 def test_a_gain_that_is_known_is_not_searched():
     model = baseline_model(SCALES, 1.0, False, {}, K_L).with_effect("coulomb_friction")
     truth = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA, "coulomb_friction.level": 200.0}
     x, t = model.searched(truth), times(OMEGA_N, TICK)
-    run = perform(model.record(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
+    run = perform(model.kernel_parameters(x), excitations(OMEGA_N, VOLTS, TICK)[-1], t)
     found, left = refitted(model, [x + 0.02], run, NOISE)
     assert left < 0.2
     assert model.values(found)["K_L"] == pytest.approx(K_L)
@@ -106,7 +106,7 @@ def test_a_gain_that_is_known_is_not_searched():
 def test_readings_and_pressure_are_those_of_the_plant(sees_speed):
     model, x = model_with("valve_lag", sees_speed, time=1e-3)
     t = np.arange(0.0, 1.0, TICK)
-    y, pressure = follow(model.record(x), t, np.full(len(t), 0.5))
+    y, pressure = follow(model.kernel_parameters(x), t, np.full(len(t), 0.5))
     speed = y[-1] if sees_speed else (y[-1] - y[-101]) / 0.1
     assert speed == pytest.approx(0.5 * K_L, rel=1e-3)
     assert abs(pressure[-1]) < 1e-3 * np.max(np.abs(pressure))
@@ -126,7 +126,7 @@ def test_what_two_commands_hide_has_its_experiment():
 def test_a_relay_hides_it_indeed(name):
     hidden = baseline_model(SCALES, 1.0, False, {}).with_effect(name)
     truth = {"K_L": K_L, "omega_n": OMEGA_N, "zeta": ZETA}
-    record = hidden.record(hidden.searched(truth | hidden_by_relay()[name].shown(VOLTS)))
+    record = hidden.kernel_parameters(hidden.searched(truth | hidden_by_relay()[name].shown(VOLTS)))
     run = perform(record, Excitation("relay", (VOLTS,), (1.0, 50.0)), times(OMEGA_N, TICK))
     plain = baseline_model(SCALES, 1.0, False, {})
     assert refitted(plain, [plain.searched(truth)], run, NOISE)[1] < NEXT_EXPERIMENT.misses_by

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.record import Coordinate
+from seod.diagnose.causes.cause import Coordinate
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales

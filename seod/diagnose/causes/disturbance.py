@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from seod.diagnose.causes.record import Cause, Wave, signed
+from seod.diagnose.causes.cause import Cause, Wave, signed
 from sim.effects import FAR
 
 SIZE: Final = 0.05

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.record import Alike, Cause, signed, sized
+from seod.diagnose.causes.cause import Alike, Cause, signed, sized
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales, Values

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.record import Cause, Coordinate, Cycle, Grid, Plain, sized
+from seod.diagnose.causes.cause import Cause, Coordinate, Cycle, Grid, Plain, sized
 from sim.effects import STEEPEST as STEEPEST_SIMULATED
 from sim.effects import STIFFEST, stiffest_bristles
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from seod.diagnose.causes.cause import Alike, Cause, Coordinate, Plain, signed, sized
 from seod.diagnose.causes.flow import full_pressure, null_of_load
-from seod.diagnose.causes.record import Alike, Cause, Coordinate, Plain, signed, sized
 from sim.effects import FAR
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.record import Cause, Coordinate, signed
+from seod.diagnose.causes.cause import Cause, Coordinate, signed
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Scales

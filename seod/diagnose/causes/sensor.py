@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial import Legendre
 
-from seod.diagnose.causes.record import (
+from seod.diagnose.causes.cause import (
     Cause,
     Cycle,
     Grid,

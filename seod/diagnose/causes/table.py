@@ -19,7 +19,7 @@ from sim.effects import EFFECTS, parameter, power_of_y
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from seod.diagnose.causes.record import Cycle, Grid, Group, Hidden, Wave
+    from seod.diagnose.causes.cause import Cycle, Grid, Group, Hidden, Wave
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Effects
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.flow import null_of_load
-from seod.diagnose.causes.record import (
+from seod.diagnose.causes.cause import (
     Alike,
     Cause,
     Grid,
@@ -16,6 +15,7 @@ from seod.diagnose.causes.record import (
     signed,
     sized,
 )
+from seod.diagnose.causes.flow import null_of_load
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from seod.diagnose.causes.record import Cause, Elsewhere, Plain, linear, signed
+from seod.diagnose.causes.cause import Cause, Elsewhere, Plain, linear, signed
 from seod.diagnose.causes.valve import LEAST_LIMIT
 from sim.effects import LEAST_BETWEEN_KNOTS, MAP_BENDS, MAP_TILTS
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def free_runs(model: Model, x: Array, series: Sequence[Series], fitted: int) -> tuple[FreeRun, ...]:
     """Errors of one simulation of each series; those after the first `fitted` were in no fit."""
     every = Cut(series, one_window_each(series))
-    placed = simulate(model.record(x), every, measured_places(every))
+    placed = simulate(model.kernel_parameters(x), every, measured_places(every))
     out = []
     for k, (one, rows) in enumerate(zip(series, every.slices, strict=True)):
         simulated, _ = whole(model, x, every, k)

@@ -109,7 +109,7 @@ def simulate_held_out(model: Model, x: Array, cut: Cut, *near: Array) -> HeldOut
     if hardly_settle(cut):
         return _in_one_run(model, x, cut)
     first = cut.started() & cut.good
-    record, best = model.record(x), None
+    record, best = model.kernel_parameters(x), None
     for begin in (simulated_states(model, x, cut), *near):
         start = settle(model, cut, x, begin, first)
         error = np.where(first, weighted(model, cut, x, start), 0.0)
@@ -134,7 +134,7 @@ def _in_one_run(model: Model, x: Array, cut: Cut) -> HeldOut:
     every = Cut(cut.series, one_window_each(cut.series))
     rows = every.good & np.concatenate([_settles(cut, k) for k in range(len(ends))])
     start = settle(model, every, x, measured_places(every), rows)
-    record = model.record(x)
+    record = model.kernel_parameters(x)
     simulated, states = inside(record, every, start)
     begins = np.concatenate([[0], np.cumsum(ends)])
     at = np.concatenate([np.arange(begins[k] + a, begins[k] + b) for k, a, b in cut.windows])
@@ -162,7 +162,7 @@ def whole(model: Model, x: Array, cut: Cut, k: int) -> tuple[Array, Mask]:
     first = one.good & (one.t - one.t[0] < WINDOWS.settling_part * one.window_s - WINDOWS.at_edge * one.tick)
     begun = Cut(cut.series, ((k, 0, int(np.max(np.flatnonzero(first), initial=1)) + 1),))
     start = settle(model, begun, x, measured_places(every), first[: begun.windows[0][2]])
-    return simulate(model.record(x), every, start), one.good & ~first
+    return simulate(model.kernel_parameters(x), every, start), one.good & ~first
 
 
 def wholes(model: Model, x: Array, cut: Cut) -> tuple[list[Array], float, bool]:

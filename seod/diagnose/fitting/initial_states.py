@@ -49,7 +49,7 @@ def simulated_states(
     It begins so many times a gap from the flank that the load pulls at.
     """
     start = measured_places(cut)
-    record = model.record(x)
+    record = model.kernel_parameters(x)
     gap = float(record["backlash_gap"][0])
     behind = gap > 0.0 and not model.sees_speed
     unsigned = float(record["rectified_sensor_part"][0]) > INITIAL_STATES.sign_lost and not model.sees_speed
@@ -85,7 +85,7 @@ def carried_states(fitted: Fitted, cut: Cut) -> Array:
 
     A sensor's ripple may have several places for one reading: where the load is, its past tells.
     """
-    record = fitted.model.record(fitted.x)
+    record = fitted.model.kernel_parameters(fitted.x)
     start, begins = measured_places(cut), _begins(fitted, cut.series)
     for (k, row), state in begins.items():
         last = next((b for a, b in cut.series[k].blocks if a <= row < b), len(cut.series[k].t))
@@ -116,7 +116,7 @@ def alike_states(found: Fitted, cut: Cut) -> Array:
     Of a limit cycle they are nearly right, also where the windows before are not.
     """
     model, fitted = found.model, found.cut
-    record, start = model.record(found.x), measured_places(cut)
+    record, start = model.kernel_parameters(found.x), measured_places(cut)
     seen, states = inside(record, fitted, found.start)
     good = np.repeat(found.error <= INITIAL_STATES.alike_windows * np.min(found.error), fitted.sizes)
     phases = [_phases(fitted.series[k], fitted.series[k].t[a:b]) for k, a, b in fitted.windows]
@@ -158,7 +158,7 @@ def begun_states(model: Model, x: Array, cut: Cut, *some: Array) -> Array:
     """
     places = (
         INITIAL_STATES.places_in_gap
-        if model.record(x)["backlash_gap"][0] > 0.0
+        if model.kernel_parameters(x)["backlash_gap"][0] > 0.0
         else INITIAL_STATES.places_in_gap[:1]
     )
     start = best_states(model, x, cut, *(simulated_states(model, x, cut, place) for place in places), *some)

@@ -130,8 +130,8 @@ class LeastSquares:
         for _ in range(most):
             if ended():
                 break
-            if jumps(self.record(at.x)):
-                self.soft = softness(self.record(at.x), self.cut, at.start)
+            if jumps(self.kernel_parameters(at.x)):
+                self.soft = softness(self.kernel_parameters(at.x), self.cut, at.start)
                 at = Place(at.x, at.start, *self.tried(at.x, at.start))
             before = self.cost(at.error)
             parts = self.derivatives(*at)
@@ -205,15 +205,15 @@ class LeastSquares:
         """Mean log squared error of searched numbers and initial states."""
         return self.cost(self.tried(x, start)[1])
 
-    def record(self, x: Array) -> NDArray[np.void]:
+    def kernel_parameters(self, x: Array) -> NDArray[np.void]:
         """The kernel's parameters; those asked for last are kept."""
         if self._last is None or not np.array_equal(x, self._last[0]):
-            self._last = x.copy(), self.model.record(x)
+            self._last = x.copy(), self.model.kernel_parameters(x)
         return self._last[1]
 
     def tried(self, x: Array, start: Array) -> tuple[Array, Array]:
         """Residual where there are samples, and each window's mean squared error."""
-        residual = np.where(self.good, _weighted(self.record(x), self.cut, start, self.soft), 0.0)
+        residual = np.where(self.good, _weighted(self.kernel_parameters(x), self.cut, start, self.soft), 0.0)
         square = np.array([float(residual[rows] @ residual[rows]) for rows in self.slices])
         return residual, square / np.maximum(self.count, 1)
 
@@ -237,7 +237,7 @@ class LeastSquares:
     def moved(self, x: Array, start: Array, states: Array, part: float) -> tuple[Array, Array, Array]:
         """Initial states after a part of their step, with residual and errors."""
         new = start + part * states
-        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.record(x)))
+        new[:, LOOSE] = np.clip(new[:, LOOSE], 0.0, loosest(self.kernel_parameters(x)))
         return new, *self.tried(x, new)
 
     def derivatives(
@@ -248,7 +248,7 @@ class LeastSquares:
         Numbers of what is `beside` the model, shape (n, k), follow the searched ones: each adds its column,
         and is anything of deviation 1.
         """
-        states, sizes, record = self.model.states, self.model.state_sizes, self.record(x)
+        states, sizes, record = self.model.states, self.model.state_sizes, self.kernel_parameters(x)
         ranges = np.full(len(sizes), np.inf)
         ranges[LOOSE] = loosest(record)
         sizes = np.minimum(sizes, FIT.state_step_part * ranges)
@@ -282,7 +282,7 @@ class LeastSquares:
         self, x: Array, start: Array, states: list[int], sizes: Array, steps: Array
     ) -> list[tuple[NDArray[np.void], Array]]:
         """Plants and initial states of which each one is changed: these states first, then free numbers."""
-        record, trials = self.record(x), []
+        record, trials = self.kernel_parameters(x), []
         sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
         for column in states:
             moved = start.copy()
@@ -293,7 +293,7 @@ class LeastSquares:
         for k in self.free:
             other = x.copy()
             other[k] += steps[k]
-            trials.append((self.model.record(other), start))
+            trials.append((self.model.kernel_parameters(other), start))
         return trials
 
     def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
@@ -323,7 +323,7 @@ def least_square(cut: Cut) -> Array:
 
 def weighted(model: Model, cut: Cut, x: Array, start: Array) -> Array:
     """Residual, less where the reading jumps; shape (n,). Its square is finite."""
-    return _weighted(model.record(x), cut, start, None)
+    return _weighted(model.kernel_parameters(x), cut, start, None)
 
 
 def _weighted(record: NDArray[np.void], cut: Cut, start: Array, soft: Softness | None) -> Array:

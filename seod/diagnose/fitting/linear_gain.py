@@ -50,11 +50,11 @@ def linear_gain(model: Model, cut: Cut, x: Array, start: Array, known: float | N
     """
     search = LeastSquares(model, cut, map, np.zeros(len(x), np.bool_))
     columns, loads = [], _loads(model)
-    at_rest = simulate(model.record(x), cut, start)
+    at_rest = simulate(model.kernel_parameters(x), cut, start)
     for column in model.states:
         moved = start.copy()
         moved[:, column] += model.state_sizes[column]
-        columns.append(simulate(model.record(x), cut, moved) - at_rest)
+        columns.append(simulate(model.kernel_parameters(x), cut, moved) - at_rest)
     pushed = [simulate(_loaded(model, x, name, size), cut, start) for name, size in loads.items()]
     place = np.concatenate([np.full(n, s) for n, s in zip(cut.sizes, start[:, POSITION], strict=True)])
     offset = np.zeros_like(place) if model.sees_speed else place
@@ -85,7 +85,7 @@ def _loaded(model: Model, x: Array, name: str, size: float) -> NDArray[np.void]:
     """The kernel's parameters with one load of this size."""
     loaded = model if name in model.names else model.with_effect(name)
     at = np.concatenate([x, np.zeros(len(loaded.coordinates) - len(x))])
-    return loaded.record(loaded.searched({**loaded.values(at), SOLVED[name]: size}))
+    return loaded.kernel_parameters(loaded.searched({**loaded.values(at), SOLVED[name]: size}))
 
 
 def _solved(total: Array, known: float | None) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.causes.base import BASE, base
-from seod.diagnose.causes.record import signed
+from seod.diagnose.causes.cause import signed
 from seod.diagnose.causes.table import CAUSES, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE, bound_to, group
 from seod.diagnose.tuning.fitting import FIT, SUBSTEPS
 from sim.effects import EFFECTS, FAR
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.diagnose.causes.record import Coordinate
+    from seod.diagnose.causes.cause import Coordinate
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Array, Effects
 
@@ -36,7 +36,7 @@ class Model:
         coordinates: What is searched, K_L, omega_n and zeta first.
         fixed: Effects of the rig's model that stay as they are.
         sees_speed: The sensor sees the speed.
-        moved: Free effects that act at their other place (`causes.record.Elsewhere`).
+        moved: Free effects that act at their other place (`causes.cause.Elsewhere`).
     """
 
     scales: Scales
@@ -91,7 +91,7 @@ class Model:
                 free[name][place.parameter] = 1.0
         return {**{name: dict(group) for name, group in self.fixed.items()}, **free}
 
-    def record(self, x: Array) -> NDArray[np.void]:
+    def kernel_parameters(self, x: Array) -> NDArray[np.void]:
         """The kernel's parameters."""
         values = self.values(x)
         K_L, omega_n, zeta = (values[name] for name in BASE)

@@ -20,7 +20,7 @@ from seod.diagnose.tuning.fitting import UNCERTAINTY
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from seod.diagnose.causes.record import Coordinate
+    from seod.diagnose.causes.cause import Coordinate
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.normal_equations import Normal
@@ -102,7 +102,7 @@ def _by_bounds(fitted: Fitted) -> Array:
 
 def _closing(fitted: Fitted) -> float:
     """Uncertainty of a gap seen closing [unit]: jumps of a regular movement lie alike between samples."""
-    record = fitted.model.record(fitted.x)
+    record = fitted.model.kernel_parameters(fitted.x)
     if not jumps(record):
         return 0.0
     jump = contacts(fitted.cut, *inside(record, fitted.cut, fitted.start)).jump

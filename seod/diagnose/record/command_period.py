@@ -86,6 +86,6 @@ def finer_period_s(t: Array, u: Array, period: float) -> float:
         if not lags:
             break
         miss = [float(np.mean((x[lag:] - x[: len(x) - lag]) ** 2)) for lag in lags]
-        period, reach = lags[int(np.argmin(miss))] * tick / count, PERIOD.reach
-        count *= PERIOD.reach
+        period, reach = lags[int(np.argmin(miss))] * tick / count, PERIOD.compared_rows
+        count *= PERIOD.growth
     return period

@@ -59,8 +59,9 @@ def earlier(one: Series, rows: float) -> Series:
 def timings(every: Sequence[Series]) -> list[Timing]:
     """How commands may have been given other than recorded; none where they stay for many rows.
 
-    From half a row later than straight on, as steps from row to row would be, to a row earlier. Where it is
-    told when they were given, they may have changed between two looks, but not earlier.
+    From half a row later than straight on, as steps from row to row would be, to a row earlier. None is later
+    where each row has a look of its own. Where it is told when they were given, they may have changed between
+    two looks, but not earlier.
     """
     rows = {looks(one.u) for one in every}
     if len(rows) > 1 or 0 in rows or not all(one.as_recorded for one in every):
@@ -68,7 +69,8 @@ def timings(every: Sequence[Series]) -> list[Timing]:
     told = any(not np.array_equal(one.t_u, one.t) for one in every)
     if told and 1 in rows:
         return []
-    leads: Array = np.linspace(0.0 if 1 in rows else -0.5, 1.0, COMMAND_TIMING.leads)
+    latest = 0.0 if 1 in rows else COMMAND_TIMING.latest_lead
+    leads: Array = np.linspace(latest, COMMAND_TIMING.earliest_lead, COMMAND_TIMING.leads)
     return [Timing(lead) for lead in leads.tolist() if lead <= 0.0 or not told]
 
 

@@ -100,7 +100,7 @@ class Budget:
 
         return is_over
 
-    def glance(self) -> Callable[[], bool]:
+    def later_trial(self) -> Callable[[], bool]:
         """Tells when a trial has had its part that follows the search."""
         return self._after(BUDGET.trial_part * self.seconds)
 
@@ -112,9 +112,9 @@ class Budget:
         """Tells when it is no longer asked whether a load drifts."""
         return self._after(BUDGET.drift_part * self.seconds)
 
-    def looking(self) -> Callable[[], bool]:
+    def whole_recording_fits(self) -> Callable[[], bool]:
         """Tells when no further set is fitted to whole recordings, or looked at where no fit has seen."""
-        return self._after(BUDGET.looking_part * self.total)
+        return self._after(BUDGET.whole_recording_fits_part * self.total)
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.clock() + seconds

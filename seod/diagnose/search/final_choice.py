@@ -65,7 +65,7 @@ def choose(base: Judged, grown: Grown, cut: Cut, held_out: Cut, screen: Screen) 
     if more:
         best = best_alike(best, held_out, screen)
     if more and best.held.adequacy > HELD_OUT.adequate:
-        over = screen.budget.looking()
+        over = screen.budget.whole_recording_fits()
         plain, sets = _over_whole(base.found, grown, undivided(cut), held_out, screen, over)
         best, base = _least((best, *sets), screen), _least((base, plain), screen)
         best = best_placed(best, held_out, screen)

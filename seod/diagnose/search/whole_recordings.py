@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import begun_from, further_causes, group
-from seod.diagnose.causes.table import remote as far
+from seod.diagnose.causes.table import begun_from, further_causes, group, remote
 from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.search.beam import as_well
 from seod.diagnose.search.first_order_gain import ParentResidual, Promise
@@ -37,7 +36,7 @@ def widened(first: Fitted, screen: Screen, over: Callable[[], bool]) -> list[Fit
     while len(grown[-1].model.names) < BEAM.most_effects and not over():
         parent = grown[-1]
         more = further_causes(parent.model.scales, parent.model.names)
-        best = promising(parent, more, screen)[: WHOLE_RECORDINGS.fitted_causes] + remote(parent, more)
+        best = most_saving(parent, more, screen)[: WHOLE_RECORDINGS.fitted_causes] + far_starts(parent, more)
         saving = (
             one
             for one in _fitted(best, parent, screen, over)
@@ -55,7 +54,7 @@ def one_more(parent: Fitted, screen: Screen, over: Callable[[], bool], most: int
     if len(parent.model.names) >= WHOLE_RECORDINGS.most_effects or over():
         return []
     more = further_causes(parent.model.scales, parent.model.names)
-    return _fitted(promising(parent, more, screen)[:most], parent, screen, over)
+    return _fitted(most_saving(parent, more, screen)[:most], parent, screen, over)
 
 
 def gains_in_windows(fewer: Fitted, more: Fitted, screen: Screen) -> bool:
@@ -75,7 +74,7 @@ def _fitted(
     cut = parent.cut
 
     def tried(promise: Promise) -> Fitted:
-        enough = screen.budget.glance()
+        enough = screen.budget.later_trial()
         return fit(promise.model, cut, promise.x, parent.start, ended=lambda: over() or enough())
 
     def finished(fitted: Fitted) -> Fitted:
@@ -95,7 +94,7 @@ def _cost(fitted: Fitted) -> float:
     return fitted.cost
 
 
-def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
+def most_saving(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Promise]:
     """Causes by what they promise to save, the most first; each from the best of its starts."""
     ahead = ParentResidual(parent)
     trials = [(name, start) for name in causes for start in effect_starts(parent, name, screen.every)]
@@ -106,12 +105,12 @@ def promising(parent: Fitted, causes: Sequence[str], screen: Screen) -> list[Pro
     return sorted(best.values(), key=lambda one: -one.saves)
 
 
-def remote(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
+def far_starts(parent: Fitted, causes: Sequence[str]) -> list[Promise]:
     """Starts far from the parent's own parameters, of which a direction tells nothing."""
     out = []
     for name in causes:
         for start in group(name, parent.model.scales).starts:
-            if far(start):
+            if remote(start):
                 model = parent.model.with_effect(name)
                 x = model.searched(begun_from(parent.model.values(parent.x), start))
                 out.append(Promise(model, x, math.nan, 1))

@@ -156,7 +156,17 @@ def _rough(cut: Cut, omega_n: float) -> Scales:
     y = cut.y[cut.good]
     size = max(float(np.std(y)), SIZES.least)
     tick = max(recording.tick for recording in cut.series)
-    rough = Scales(1.0, size * omega_n, size * omega_n**2, 0.0, size, size, omega_n, 1.0, tick)
+    rough = Scales(
+        volts=1.0,
+        speed=size * omega_n,
+        pressure=size * omega_n**2,
+        centre=0.0,
+        travel=size,
+        peak_to_peak=size,
+        omega_n=omega_n,
+        span_s=1.0,
+        tick_s=tick,
+    )
     relayed = cut.relayed
     damped = DAMPED_BY_RELAY if relayed else rough.damped
     slowest, acts = _slowest_searched(cut), largest_force(cut.series)

@@ -58,7 +58,7 @@ def _residual_lines(parent: Fitted, name: str, cut: Cut) -> list[float]:
     model, x = parent.model, parent.x
     begun = simulated_states(model, x, cut)
     start = settle(model, cut, x, begun, cut.good, most=EFFECT_STARTS.settling_steps)
-    simulated, states = inside(model.record(x), cut, start)
+    simulated, states = inside(model.kernel_parameters(x), cut, start)
     y, position, speed = cut.y, states[:, POSITION], None
     residual = np.where(cut.good, y - simulated, 0.0)
     if model.sees_speed:  # as it was read: simulated ones have the parent's errors

@@ -12,7 +12,7 @@ from seod.diagnose.causes.table import wave_of
 from seod.diagnose.tuning.starts import LINES
 
 if TYPE_CHECKING:
-    from seod.diagnose.causes.record import Wave
+    from seod.diagnose.causes.cause import Wave
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.record.windows import Cut
     from seod.diagnose.result import Array

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def scales(fitted: Fitted, cut: Cut) -> Scales:
     """Sizes in the recordings, by the baseline's simulation."""
-    _, states = inside(fitted.model.record(fitted.x), cut, fitted.start)
+    _, states = inside(fitted.model.kernel_parameters(fitted.x), cut, fitted.start)
     used = [cut.series[k] for k in sorted({k for k, _, _ in cut.windows})]
     speed = states[:, VELOCITY]
     omega_n = fitted.model.values(fitted.x)["omega_n"]

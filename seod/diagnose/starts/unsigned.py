@@ -99,7 +99,7 @@ def _grid(model: Model, wide: Cut) -> Iterator[_Point]:
     for omega_n, zeta in product(frequencies.tolist(), UNSIGNED.dampings):
         x = model.searched({"K_L": 1.0, "omega_n": omega_n, "zeta": zeta})
         start = measured_places(wide)
-        shape = simulate(model.record(x), wide, start)
+        shape = simulate(model.kernel_parameters(x), wide, start)
         begin = np.zeros(len(y)) if model.sees_speed else np.repeat(start[:, POSITION], wide.sizes)
         gain, error = _gain(y[good], (shape - begin)[good], begin[good], sees_speed=model.sees_speed)
         if gain != 0.0:
@@ -142,7 +142,7 @@ def _signed(model: Model, point: _Point, cut: Cut, wide: Cut) -> list[Values]:
 def _given_sign(model: Model, x: Array, cut: Cut, wide: Cut) -> Cut:
     """Windows of readings with the sign of one simulation of each block."""
     every = list(cut.series)
-    seen = simulate(model.record(x), wide, measured_places(wide))
+    seen = simulate(model.kernel_parameters(x), wide, measured_places(wide))
     for (k, first, last), own in zip(wide.windows, wide.slices, strict=True):
         y = every[k].y.copy()
         y[first:last] *= np.where(seen[own] < 0.0, -1.0, 1.0)

@@ -127,9 +127,13 @@ class CommandPeriod:
     """[periods] Without which a relay has no frequency. Chosen."""
     grid_rows: int = 1 << 14
     """[rows] Even rows on which the command is compared with itself. Chosen: a power of two."""
-    reach: int = 4
-    """[rows] Either way, and how many times as many periods later, of the next look for the same period.
-    Chosen."""
+    compared_rows: int = 4
+    """[rows] Either way of where a later period ends by what is known, in which the command is compared with
+    itself. Chosen: an end is known to half a row, so `growth` times as many periods later to two; twice
+    that."""
+    growth: int = 4
+    """[-] How many times as many periods later the next comparison is. Chosen: each makes the period so many
+    times finer, and `compared_rows` hold the next end."""
 
 
 PERIOD: Final = CommandPeriod()
@@ -140,7 +144,13 @@ class CommandTiming:
     """Commands that were recorded late, or seldom."""
 
     leads: int = 3
-    """[-] Times that are tried first, up to a row earlier. Chosen: a quarter of a row is left at most."""
+    """[-] Times that are tried first, from `latest_lead` to `earliest_lead`. Chosen: of 1.5 rows 0.375 are
+    left at most, of one row a quarter; the time that fits best follows."""
+    latest_lead: float = -0.5
+    """[rows] By which the latest of them is earlier than straight on; 0 where each row has a look of its own.
+    Chosen: half a row later, on average, are steps from row to row."""
+    earliest_lead: float = 1.0
+    """[rows] The same of the earliest. Chosen: a row is how late a look at each row is at most."""
     fewest: int = 50
     """[changes] Of the command, without which nothing is asked. Chosen."""
     mostly: float = 0.5
@@ -151,7 +161,7 @@ class CommandTiming:
     """[steps] Of a fit with other commands. Chosen."""
     halfway: float = 0.5
     """[-] Of what a cause saves of the mean log squared error, up to which other times have to save as much
-    for it to be asked whether they save all of it. Chosen: a quarter of a row loses a part of it."""
+    for it to be asked whether they save all of it. Chosen: what is left of a row then loses a part of it."""
     most_promised: float = 0.9
     """[-] Of the squared error that other times may save to first order, at most. Chosen."""
     middle: float = 0.5

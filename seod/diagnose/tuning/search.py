@@ -64,7 +64,7 @@ class Budget:
     drift_part: float = 1.4
     """[-] Likewise of asking whether a load drifts. Measured: eight fits of one run of 25 s at 1 kHz take
     half of it."""
-    looking_part: float = 0.7
+    whole_recording_fits_part: float = 0.7
     """[-] Of it, and of what a short recording has beyond, what all fits of sets to whole recordings may use
     together. Chosen: as `search_s`. Measured: a minute at 2 kHz under gusts takes 29 s, with 0.9 33 s."""
 

@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Searched:
-    """Results of the search.
+class Findings:
+    """What a search found.
 
     Attributes:
         base: The baseline, fitted to all windows to fit.
-        last_base: The same fitted to all rows: its numbers are told.
+        last_base: The same fitted to all rows: its numbers are reported.
         held: Its simulation of the windows held out.
         chosen: The best set of effects.
         seen: Its simulation of the windows to fit.
@@ -68,7 +68,7 @@ class Searched:
 
 
 def answered(
-    searched: Searched,
+    findings: Findings,
     to_fit: Cut,
     held_out: Cut,
     checked: Sequence[Defects],
@@ -80,22 +80,24 @@ def answered(
     `relevance` is the systematic rest from which on it is `unexplained`, over the movement's deviation.
     """
     seen = len(to_fit.series)
-    baseline, plain = _scored(searched.last_base, searched.held, seen)
-    extended, whole = _scored(searched.chosen.last, searched.chosen.held, seen)
-    base, best = Judged.of(searched.base, to_fit).held, searched.seen
-    rest, rare = _remainder(searched, base)
-    chosen, held = searched.chosen, searched.chosen.held
-    account, yardstick = accounted(chosen.over_all, best, held, searched.held, noise_alone=chosen.noise_alone)
+    baseline, plain = _scored(findings.last_base, findings.held, seen)
+    extended, whole = _scored(findings.chosen.reported, findings.chosen.held, seen)
+    base, best = Judged.of(findings.base, to_fit).held, findings.seen
+    rest, rare = _remainder(findings, base)
+    chosen, held = findings.chosen, findings.chosen.held
+    account, yardstick = accounted(
+        chosen.without_held_out, best, held, findings.held, noise_alone=chosen.noise_alone
+    )
     if rare:
         rest = relevant(rest, max(held.nrmse, best.nrmse), relevance)
         rare = rare if rest.fraction > 0.0 else ()
     elif held.adequacy >= HELD_OUT.adequate:
-        rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(searched.effects))
+        rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(findings.effects))
     defects = record_effects(checked, held, best)
     for shown in shown_by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
-    every = (*searched.effects, *defects)
+    every = (*findings.effects, *defects)
     verdict = _verdict(every, rest)
     before, after, clean = baseline.holdout_nrmse, extended.holdout_nrmse, verdict == "clean"
     return Diagnosis(
@@ -103,19 +105,19 @@ def answered(
         baseline=baseline,
         effects=every,
         extended=extended,
-        noise_floor_nrmse=_floor(searched.held, account, rest),
+        noise_floor_nrmse=_floor(findings.held, account, rest),
         unexplained=rest,
-        next_experiment=_experiment(searched, held_out),
+        next_experiment=_experiment(findings, held_out),
         output=output,
         noise_sd=tuple(recording.noise for recording in held_out.series),
         adequacy=held.adequacy,
-        windows=tuple(_windows(searched, base, best)),
+        windows=tuple(_windows(findings, base, best)),
         whole=drawn(held_out, plain, whole),
-        candidates=_candidates(searched),
+        candidates=_candidates(findings),
         remarks=(
             *dict.fromkeys(remark for each in checked for remark in each.remarks),
             *rare,
-            *remarks(chosen, searched.effects, searched.held, held_out.series, whole, seen),
+            *remarks(chosen, findings.effects, findings.held, held_out.series, whole, seen),
         ),
         grade=graded(before, after, held.adequacy, account, clean=clean),
         account=account,
@@ -124,18 +126,18 @@ def answered(
     )
 
 
-def trimmed(searched: Searched) -> Searched:
+def trimmed(findings: Findings) -> Findings:
     """The same without rows whose error is none of the rest's, where the recordings have outliers.
 
     Those that differ little from their neighbours are told by a model only.
     """
-    near, seen = _without_outliers(searched.chosen.held), _without_outliers(searched.seen)
-    chosen = replace(searched.chosen, held=replace(searched.chosen.held, scored=near))
+    near, seen = _without_outliers(findings.chosen.held), _without_outliers(findings.seen)
+    chosen = replace(findings.chosen, held=replace(findings.chosen.held, scored=near))
     return replace(
-        searched,
+        findings,
         chosen=chosen,
-        held=replace(searched.held, scored=near),
-        seen=replace(searched.seen, scored=seen),
+        held=replace(findings.held, scored=near),
+        seen=replace(findings.seen, scored=seen),
     )
 
 
@@ -153,29 +155,29 @@ def _without_outliers(held: HeldOut) -> Mask:
     return near if few else held.scored
 
 
-def unseen_by_fits(searched: Searched) -> bool:
+def unseen_by_fits(findings: Findings) -> bool:
     """Whether windows held out show something of which there is nothing in those that were fitted."""
-    halves = searched.seen, searched.chosen.held
-    if unexplained(searched.held, halves[1]).fraction == 0.0:
+    halves = findings.seen, findings.chosen.held
+    if unexplained(findings.held, halves[1]).fraction == 0.0:
         return False
     return noise_is_larger(*halves) or (one_sided(*halves) and halves[0].adequacy < halves[1].adequacy)
 
 
-def most_left(searched: Searched) -> float:
+def most_left(findings: Findings) -> float:
     """Mean squared error over the noise's of that half of the windows where it is larger."""
-    return max(searched.seen.adequacy, searched.chosen.held.adequacy)
+    return max(findings.seen.adequacy, findings.chosen.held.adequacy)
 
 
-def _remainder(searched: Searched, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
+def _remainder(findings: Findings, base: HeldOut) -> tuple[Unexplained, tuple[str, ...]]:
     """What is left, and a remark where one half of the windows shows it alone; `base` is of those fitted."""
-    halves = searched.seen, searched.chosen.held
-    rest = unexplained(searched.held, searched.chosen.held)
+    halves = findings.seen, findings.chosen.held
+    rest = unexplained(findings.held, findings.chosen.held)
     if rest.fraction > 0.0 and not one_sided(*halves):
         return rest, (LARGER,) if noise_is_larger(*halves) else ()
     if rest.fraction > 0.0:
         return rest, (UNFITTED,)
     if one_sided(*halves):
-        return unexplained(replace(base, scored=searched.seen.scored), searched.seen), (RARE,)
+        return unexplained(replace(base, scored=findings.seen.scored), findings.seen), (RARE,)
     return rest, ()
 
 
@@ -186,11 +188,11 @@ def _floor(held: HeldOut, account: Account | None, rest: Unexplained) -> float:
     return max(held.floor, math.sqrt(account.not_repeatable) * held.nrmse)
 
 
-def _experiment(searched: Searched, held_out: Cut) -> NextExperiment | None:
-    best, every = searched.chosen.last, held_out.series
+def _experiment(findings: Findings, held_out: Cut) -> NextExperiment | None:
+    best, every = findings.chosen.reported, held_out.series
     volts = max(float(np.max(np.abs(one.u))) for one in every)
     asked = best.model, best.x, max(one.noise for one in every), volts, max(one.tick for one in every)
-    told = next_experiment(searched.effects, *asked)
+    told = next_experiment(findings.effects, *asked)
     return told or (beyond_a_relay(*asked) if best.model.scales.two_commands else None)
 
 
@@ -211,16 +213,16 @@ def _verdict(effects: Sequence[FoundEffect], rest: Unexplained) -> Verdict:
     return "effects" if effects else "clean"
 
 
-def _windows(searched: Searched, base: HeldOut, best: HeldOut) -> list[Window]:
+def _windows(findings: Findings, base: HeldOut, best: HeldOut) -> list[Window]:
     seen = windows(base, best, held_out=False)
-    seen += windows(searched.held, searched.chosen.held, held_out=True)
+    seen += windows(findings.held, findings.chosen.held, held_out=True)
     return sorted(seen, key=lambda window: (window.file, window.rows))
 
 
-def _candidates(searched: Searched) -> tuple[Candidate, ...]:
+def _candidates(findings: Findings) -> tuple[Candidate, ...]:
     """Causes that were tried alone, by what they save of the mean log squared error."""
-    reference = searched.grown.best[-1].cost
-    names = {each.name for each in searched.effects}
-    alone = [(one.model.names[0], one) for one in searched.grown.tried.values() if len(one.model.names) == 1]
+    reference = findings.grown.best[-1].cost
+    names = {each.name for each in findings.effects}
+    alone = [(one.model.names[0], one) for one in findings.grown.tried.values() if len(one.model.names) == 1]
     out = (Candidate(name, reference - one.cost, name in names) for name, one in alone)
     return tuple(sorted(out, key=lambda each: -each.gain))

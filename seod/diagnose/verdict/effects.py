@@ -35,29 +35,30 @@ class Chosen:
     """A set of effects fitted to all windows, with what came of leaving each out.
 
     Attributes:
-        found: The set, fitted to the windows in which causes are searched.
-        over_all: The same fitted to all rows but those held out: of a long recording these are more.
-        to_all: The same fitted to all rows; no error held out is by it.
+        searched: The set, fitted to the windows in which causes are searched.
+        without_held_out: The same fitted to all rows but those held out: of a long recording these are more.
+        all_rows: The same fitted to all rows; no error held out is by it.
         without: Of each effect the set without it, fitted anew.
         held: Its simulation of the windows held out.
         drift: The same beside a load that drifts, where recordings show one.
         noise_alone: Fitted by prediction errors, the set leaves nothing systematic.
-        again: `last` fitted anew to each recording that no fit has seen; None where too little of one counts.
+        per_holdout: `reported` fitted anew to each recording that no fit has seen; None where too little of
+            one counts.
     """
 
-    found: Fitted
-    over_all: Fitted
-    to_all: Fitted
+    searched: Fitted
+    without_held_out: Fitted
+    all_rows: Fitted
     without: Mapping[str, Judged]
     held: HeldOut
     drift: Drift | None = None
     noise_alone: bool = False
-    again: tuple[Fitted | None, ...] = ()
+    per_holdout: tuple[Fitted | None, ...] = ()
 
     @property
-    def last(self) -> Fitted:
-        """By which numbers and intervals are told."""
-        return self.to_all if self.drift is None else self.drift.fitted
+    def reported(self) -> Fitted:
+        """By which numbers and intervals are reported."""
+        return self.all_rows if self.drift is None else self.drift.fitted
 
 
 def found_effects(
@@ -65,20 +66,20 @@ def found_effects(
 ) -> list[FoundEffect]:
     """In order of gain."""
     out = []
-    spread = covariance(chosen.last)
-    causes = causes_tried(chosen.found.model.scales)
+    spread = covariance(chosen.reported)
+    causes = causes_tried(chosen.searched.model.scales)
     for name, rest in chosen.without.items():
         if not EFFECTS[name].cause:
             continue
         others = (
             *_in_place_of(name, chosen, rest.found, screen, tried),
-            *_over_the_sweep(name, chosen.found, tried),
-            *_unrepeated(name, chosen.found),
+            *_over_the_sweep(name, chosen.searched, tried),
+            *_unrepeated(name, chosen.searched),
         )
         out.append(
             FoundEffect(
                 name=answered_as(name),
-                parameters=_numbers(chosen.last, name, spread),
+                parameters=_numbers(chosen.reported, name, spread),
                 gain=Gain(rest.held.nrmse, chosen.held.nrmse),
                 p_value=p_value(rest.held, chosen.held, causes),
                 indistinguishable_from=_indistinguishable(name, others),
@@ -86,7 +87,7 @@ def found_effects(
             )
         )
     if chosen.drift is not None and OFFSET not in {each.name for each in out}:
-        numbers = effect_parameters(chosen.last, OFFSET, spread)
+        numbers = effect_parameters(chosen.reported, OFFSET, spread)
         gain = Gain(chosen.drift.without, chosen.drift.with_it)
         again = _in_other_recordings(chosen, OFFSET)
         by_chance = min(1.0, causes * chosen.drift.p_value)
@@ -100,14 +101,14 @@ def without_a_size(chosen: Chosen, choice: Choice) -> str | None:
     Of several the one that saves least of windows held out; none that saves much, as when sets are thinned.
     Windows of recordings that only score are not asked.
     """
-    spread, own = covariance(chosen.last), choice.best.held.log_error
+    spread, own = covariance(chosen.reported), choice.best.held.log_error
     none = [
         (rest.held.log_error, name)
         for name, rest in choice.without.items()
         if EFFECTS[name].cause
-        and name in chosen.last.model.names
+        and name in chosen.reported.model.names
         and rest.held.log_error - own < PRUNE.surely
-        and reaches_null(chosen.last, name, spread)
+        and reaches_null(chosen.reported, name, spread)
     ]
     return min(none)[1] if none else None
 
@@ -120,7 +121,7 @@ def _indistinguishable(name: str, others: Sequence[str]) -> tuple[str, ...]:
 
 def _in_other_recordings(chosen: Chosen, name: str) -> tuple[dict[str, Parameter], ...]:
     """Parameters of an effect by each recording that no fit had seen; none where too little of one counts."""
-    return tuple({} if one is None else _numbers(one, name, covariance(one)) for one in chosen.again)
+    return tuple({} if one is None else _numbers(one, name, covariance(one)) for one in chosen.per_holdout)
 
 
 def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
@@ -175,7 +176,7 @@ def _in_place_of(
     As well is also what windows held out do not tell to be worse: where noise remembers, it bends a fit
     by more than the fits of two causes differ.
     """
-    fitted, others = chosen.found, frozenset(rest.model.names)
+    fitted, others = chosen.searched, frozenset(rest.model.names)
     siblings: Sequence[Fitted] = [one for names, one in tried.items() if others < names and name not in names]
     siblings = [one for one in siblings if len(one.model.names) == len(others) + 1]
     if not siblings:

@@ -133,7 +133,7 @@ def refitted(model: Model, begins: Iterable[Array], run: Run, noise: float) -> t
         return x
 
     def residual(some: Array) -> Array:
-        y, _ = follow(model.record(every(some)), run.t, run.u)
+        y, _ = follow(model.kernel_parameters(every(some)), run.t, run.u)
         gone = TRIAL.gone
         left: Array = np.nan_to_num((y - run.y) / noise, nan=gone, posinf=gone, neginf=-gone)
         return left

@@ -61,7 +61,7 @@ def beyond_a_relay(model: Model, x: Array, noise: float, volts: float, tick: flo
     for name in names:
         other = model.with_effect(name)
         shown = other.searched(values | hidden_by_relay()[name].shown(volts))
-        run = perform(other.record(shown), excitation, t)
+        run = perform(other.kernel_parameters(shown), excitation, t)
         apart.append(refitted(model, [x], run, noise)[1])
     if not names or min(apart) < NEXT_EXPERIMENT.misses_by:
         return None
@@ -111,7 +111,7 @@ def _rival(name: str, effect: FoundEffect, model: Model, x: Array) -> Rival | No
 def _for(
     effect: FoundEffect, rivals: list[Rival], model: Model, x: Array, noise: float, volts: float, tick: float
 ) -> NextExperiment | None:
-    record, t = model.record(x), times(model.values(x)["omega_n"], tick)
+    record, t = model.kernel_parameters(x), times(model.values(x)["omega_n"], tick)
     best: tuple[float, Excitation] | None = None
     for excitation in excitations(model.values(x)["omega_n"], volts, tick):
         run = perform(record, excitation, t)
@@ -204,7 +204,7 @@ def _sensor(effect: FoundEffect, rivals: Sequence[Rival], run: Run, noise: float
     apart = math.inf
     for each in rivals:
         x, _ = refitted(each.model, each.begins, run, noise)
-        _, pressure = follow(each.model.record(x), run.t, run.u)
+        _, pressure = follow(each.model.kernel_parameters(x), run.t, run.u)
         apart = min(apart, float(np.sqrt(np.mean((pressure - run.pressure) ** 2))) / spread)
     if apart < NEXT_EXPERIMENT.pressure_differs:
         return None

@@ -81,7 +81,7 @@ def remarks(
         seen: How many.
     """
     return [
-        *_limited(chosen.last),
+        *_limited(chosen.reported),
         *_drifts(chosen),
         *other_zeros(every, whole, seen),
         *(left_behind(effects, plain) if len(every) > seen else ()),
@@ -138,7 +138,7 @@ def _limited(fitted: Fitted) -> list[str]:
 def _drifts(chosen: Chosen) -> list[str]:
     if chosen.drift is None:
         return []
-    rate = chosen.last.model.values(chosen.last.x)[OFFSET_DRIFT_PLACE]
+    rate = chosen.reported.model.values(chosen.reported.x)[OFFSET_DRIFT_PLACE]
     without, with_it = (number(100.0 * each) for each in (chosen.drift.without, chosen.drift.with_it))
     return [DRIFTS.format(rate=number(rate), without=without, with_it=with_it)]
 

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
-from seod.diagnose.causes.record import Cycle
+from seod.diagnose.causes.cause import Cycle
 from seod.diagnose.causes.table import CAUSES, GAPS, SHAKES, grows_with_movement, sized_by_shares
 from seod.diagnose.fitting.model import grouped, tolerance
 from seod.diagnose.fitting.simulate import LOOSE, STATES, simulate
