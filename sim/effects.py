@@ -268,7 +268,7 @@ _ALL = (
         "A load that a further channel `f` of the recording shows: a force, another circuit's pressure.",
         (
             Parameter("gain", "unit/s^2 for each unit of f", 0.0, -FAR, FAR, "acceleration of the load"),
-            Parameter("zero", "1", 0.0, -FAR, FAR, "f, above its mean, at which it does nothing"),
+            Parameter("zero", "of f", 0.0, -FAR, FAR, "f, above its mean, at which it does nothing"),
         ),
         "Without such a channel nothing; of one that follows the movement a load_spring, or zeta.",
     ),

@@ -31,7 +31,7 @@ from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
 from seod.diagnose.starts.search_roots import also_from, hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.tuning.account import PREDICTION
-from seod.diagnose.tuning.fitting import HELD_OUT
+from seod.diagnose.tuning.fitting import FREE_RUN, HELD_OUT
 from seod.diagnose.tuning.verdict import PIPELINE
 from seod.diagnose.verdict.answer import Findings
 from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
@@ -126,8 +126,8 @@ def _search_start(to_fit: Cut, held_out: Cut, setup: SearchSetup) -> SearchStart
     plain = simulate_held_out(base.model, base.x, held_out)
     if plain.floor > PIPELINE.mostly_noise:
         raise DiagnoseError(
-            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation): "
-            "a diagnosis needs a movement"
+            f"y is noise for the most part ({100 * plain.floor:.0f} % of its deviation within windows of "
+            f"{held_out.series[0].window_s:.3g} s): a diagnosis needs a movement"
         )
     return SearchStart(to_fit, held_out, screened, begun, Judged(base, plain))
 
@@ -172,9 +172,8 @@ def _measured(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetu
     without_held_out = best
     if any(len(recording.blocks) > 1 for recording in start.to_fit.series):
         without_held_out = fitted_over_all(best, all_but(start.to_fit.series, start.held_out), setup.parallel)
-    most = choice.base.held.rms
     without_held_out = fitted_in_one_run(
-        without_held_out, start.held_out, most, setup.parallel, setup.budget.last_fit()
+        without_held_out, start.held_out, _most(choice), setup.parallel, setup.budget.last_fit()
     )
     all_rows = _by_all_rows(without_held_out, start, setup)
     if without_held_out is best and unseen.windows == start.held_out.windows:
@@ -183,6 +182,17 @@ def _measured(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetu
     base, own, *rest = setup.parallel(lambda one: Judged.of(one, unseen), every)
     without = dict(zip(choice.without, rest, strict=True))
     return base, Chosen(best, without_held_out, all_rows, without, own.held)
+
+
+def _most(choice: Choice) -> float:
+    """Root mean square that numbers for whole recordings may leave of windows held out [unit, or unit/s].
+
+    What Eq. 1 leaves. Where the set leaves noise alone it is the plant: numbers that do worse there have
+    followed something else, such as the place in a gap where one run was begun.
+    """
+    best, base = choice.best.held, choice.base.held
+    own = FREE_RUN.as_near * best.rms if best.adequacy <= HELD_OUT.adequate else base.rms
+    return min(own, base.rms)
 
 
 def _remembering(

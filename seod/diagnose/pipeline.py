@@ -10,11 +10,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from seod.data.pauses import between_pauses
+from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import CAUSES, LATE, WITHOUT_SIGN
 from seod.diagnose.extend.rig_baseline import rated
 from seod.diagnose.fitting.command_lead import lead_remarks
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.switch_times import switch_times
+from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.fitting.work import counted
 from seod.diagnose.one_search import SearchResult, SearchSetup, search_once
 from seod.diagnose.record.blocks import in_blocks
@@ -253,21 +255,31 @@ def _as_either(
 ) -> tuple[SearchResult, Output, tuple[str, ...]]:
     """What is found, what y is, and what is said of that.
 
-    Where Eq. 1 leaves it open, and much is left of the likelier type, the other one is searched as well.
+    Where Eq. 1 leaves it open, and much is left of the likelier type, the other one is searched as well. Or
+    where nobody tells, and the plant that is found is at a limit: it may stand for a plant of the other type
+    that Eq. 1 misses as far, as of a position that a spring holds.
     """
     likelier, *other = types.open
     result = searched_as(likelier, progress)
     left = result.findings.chosen.held.nrmse
-    if not other or left <= CLOSED_FORM.good:
+    limited = bool(types.said) and _is_limited(result)
+    if not limited and (not other or left <= CLOSED_FORM.good):
         return result, likelier, types.said
+    second: Output = "velocity" if likelier == "position" else "position"
     try:
-        again = searched_as(other[0], _later(progress))
+        again = searched_as(second, _later(progress))
     except DiagnoseError:  # as this type it says nothing
         return result, likelier, types.said
     nearer = again.findings.chosen.held.nrmse
-    if nearer < CLOSED_FORM.nearer * left:
-        return again, other[0], (taken_for(other[0], nearer, left, "what is found leaves, held out,"),)
+    no_farther = limited and nearer <= left and not _is_limited(again)
+    if no_farther or nearer < CLOSED_FORM.nearer * left:
+        return again, second, (taken_for(second, nearer, left, "what is found leaves, held out,"),)
     return result, likelier, types.said
+
+
+def _is_limited(result: SearchResult) -> bool:
+    """Whether K_L, omega_n or zeta is at an end of what is searched."""
+    return not set(BASE).isdisjoint(at_limits(result.findings.chosen.reported))
 
 
 def _later(progress: Progress) -> Progress:

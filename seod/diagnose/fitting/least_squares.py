@@ -14,7 +14,14 @@ import numpy as np
 
 from seod.diagnose.fitting.backlash_jumps import Softness, jumps, smooth, softness
 from seod.diagnose.fitting.normal_equations import Normal, Table
-from seod.diagnose.fitting.simulate import LOOSE, POSITION, VELOCITY, loosest, moves_alike_everywhere
+from seod.diagnose.fitting.simulate import (
+    LOOSE,
+    POSITION,
+    PRESSURE,
+    VELOCITY,
+    loosest,
+    moves_alike_everywhere,
+)
 from seod.diagnose.record.coarse_sensor import beyond
 from seod.diagnose.tuning.fitting import FIT
 from sim.physics import dry_friction
@@ -270,6 +277,8 @@ class LeastSquares:
             known = np.r_[np.zeros(len(free)), np.ones(len(beside.T))]
             free, unknowns = np.r_[free, unknowns + np.arange(len(beside.T))], unknowns + len(beside.T)
         every = np.stack([*columns, residual], axis=1)
+        if {PRESSURE, POSITION} <= set(states):
+            self._hold_pressed(every, states, self._sticks(x, start))
         if LOOSE in states:
             self._hold(every, states.index(LOOSE), start[:, LOOSE], ranges[LOOSE])
         weights = 1.0 / (error + self.floor)
@@ -282,8 +291,7 @@ class LeastSquares:
         self, x: Array, start: Array, states: list[int], sizes: Array, steps: Array
     ) -> list[tuple[NDArray[np.void], Array]]:
         """Plants and initial states of which each one is changed: these states first, then free numbers."""
-        record, trials = self.kernel_parameters(x), []
-        sticks = (start[:, VELOCITY] == 0.0) & dry_friction(record[0])
+        record, trials, sticks = self.kernel_parameters(x), [], self._sticks(x, start)
         for column in states:
             moved = start.copy()
             moved[:, column] += sizes[column]
@@ -295,6 +303,23 @@ class LeastSquares:
             other[k] += steps[k]
             trials.append((self.model.kernel_parameters(other), start))
         return trials
+
+    def _sticks(self, x: Array, start: Array) -> Mask:
+        """Windows that begin with a load that sticks, shape (w,)."""
+        return np.asarray((start[:, VELOCITY] == 0.0) & dry_friction(self.kernel_parameters(x)[0]))
+
+    def _hold_pressed(self, every: Array, states: list[int], sticks: Mask) -> None:
+        """Keep the pressure of windows whose load sticks at first, where it hardly shows.
+
+        Its step would be as large as what is left over next to nothing, and would spoil the window's whole
+        step: the place where the load sticks would never be fitted.
+        """
+        pressure, position = states.index(PRESSURE), states.index(POSITION)
+        for w in np.flatnonzero(sticks):
+            rows = every[self.slices[w]]
+            shows, placed = (float(rows[:, k] @ rows[:, k]) for k in (pressure, position))
+            if shows < FIT.hardly_shows * placed:
+                rows[:, pressure] = 0.0
 
     def _hold(self, every: Array, k: int, loose: Array, most: float) -> None:
         """Keep windows whose looseness is at an end of its range there, where it would go beyond."""

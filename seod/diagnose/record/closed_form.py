@@ -121,9 +121,10 @@ def output_types(closed: Mapping[Output, ClosedForm], usual: Output) -> Types:
 def taken_for(output: Output, left: float, otherwise: float, by: str = EQUATION) -> str:
     """That y is taken for this, as the NRMSE that `by` leaves is so, and otherwise so."""
     other: Output = "velocity" if output == "position" else "position"
+    usual = f", which is not below {100.0 * CLOSED_FORM.clearly:.0f} % of that" if otherwise < left else ""
     return (
         f"y is taken for a {_word(output)} ({TYPES[output]}): {by} {_percent(left)}, as a {_word(other)} "
-        f"{_percent(otherwise)}; --output says which it is"
+        f"{_percent(otherwise)}{usual}; --output says which it is"
     )
 
 

@@ -156,12 +156,21 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen:
     return [
         one
         for name, one in rest.items()
-        if one.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
+        if _has_no_share(own, one, above)
         or (_may_be_none(own, name, spread) and not _much(one, own))
         or _gains_by_chance(own, name, one)
         or (not loses_its_place(own.found.model, name) and _in_windows_alone(own, one))
         or _moves_as_slowly_as_an_offset(own, one, screen)
     ]
+
+
+def _has_no_share(own: Judged, fewer: Judged, above: float) -> bool:
+    """Whether next to nothing of the baseline's error comes back without an effect.
+
+    Not where noise alone is left with it, and more without: an offset may throw the baseline anywhere.
+    """
+    needed = own.held.adequacy <= HELD_OUT.adequate < fewer.held.adequacy
+    return not needed and fewer.held.nrmse**2 - own.held.nrmse**2 < PRUNE.least_share * above
 
 
 def _gains_by_chance(own: Judged, name: str, fewer: Judged) -> bool:

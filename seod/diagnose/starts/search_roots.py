@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.causes.table import SOLVED, searched_causes
+from seod.diagnose.causes.table import CAUSES, SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
@@ -92,7 +92,25 @@ def _with_load(found: Sequence[Fitted]) -> list[Fitted]:
     if not loads or found[0].excess < SEARCH_ROOTS.far_from_noise:
         return []
     loaded = min((_fitted_with(each, root) for each in loads for root in found), key=lambda one: one.cost)
-    return [loaded] if loaded.cost < min(one.cost for one in found) - SEARCH_ROOTS.load_saves else []
+    if not loaded.cost < min(one.cost for one in found) - SEARCH_ROOTS.load_saves:
+        return []
+    return [loaded, *(_about_its_null(loaded) if _off_zero(loaded.cut) else ())]
+
+
+def _off_zero(cut: Cut) -> bool:
+    """Whether commands are farther from 0 than from their mean: of a valve that is closed at 50 %."""
+    return any(abs(float(np.mean(one.u))) > float(np.std(one.u)) for one in cut.series)
+
+
+def _about_its_null(loaded: Fitted) -> list[Fitted]:
+    """The load as what it may be as well while the flow is straight: where that is 0, it may bend."""
+    model, cut = loaded.model, loaded.cut
+    (name,), values, out = model.names, model.values(loaded.x), []
+    for other in (each for each in CAUSES[name].alike if each.distinguished_by):
+        about = model.without(name).with_effect(other.name)
+        x = about.searched(values | other.same(values, model.scales))
+        out.append(fit(about, cut, x, simulated_states(about, x, cut)))
+    return out
 
 
 def _fitted_with(name: str, root: Fitted) -> Fitted:

@@ -26,6 +26,9 @@ class FreeRun:
     least_gain: float = 0.05
     """[-] Part by which the error in one run has to fall, of rows that no fit saw: less is chance.
     Chosen."""
+    as_near: float = 1.05
+    """[-] Error of windows held out, over that of the fit to windows, that numbers for whole recordings may
+    leave where those left noise alone. Chosen: as `least_gain`, the other way."""
     in_windows: float = 1.5
     """[-] Longest window of a fit, over the usual length, up to which it is one of windows, and none in
     longer runs. Chosen: between 1 and `longer`."""
@@ -165,6 +168,9 @@ class Fit:
     """[-] Of one step, until it improves. Chosen."""
     dampings_tried_softened: int = 8
     """[-] Likewise where jumps of a reading are fitted as ramps. Chosen: twice as many."""
+    hardly_shows: float = 1e-6
+    """[-] Square of what a step of the pressure changes over that of the position, of a load that sticks at
+    first, below which the pressure is kept. Chosen: rounding is far below, what a fit needs far above."""
     negligible: float = 1e-3
     """[-] Error of a window over the noise that makes no difference. Chosen."""
     negligible_coarse: float = 0.5
