@@ -1,11 +1,13 @@
 """Whole recordings in one simulation: numbers fitted to them, and how far off they are."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from diagnose_truth import K_L, OMEGA_N, RATE, ZETA, linear, multisine, recording
 
+from seod.diagnose import one_search
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows, free_runs
 from seod.diagnose.fitting.initial_states import begun_states
@@ -56,6 +58,19 @@ def test_numbers_that_leave_more_of_windows_than_eq_1_are_not_taken(rig):
     _, model, x, to_fit, held_out = rig
     begun = found(model, x + np.where(np.arange(len(x)) == 0, 0.03, 0.0), to_fit)
     assert fitted_in_one_run(begun, held_out, 0.0, map, lambda: False) is begun
+
+
+@pytest.mark.parametrize(
+    ("adequacy", "most"),
+    [
+        pytest.param(1.04, 0.00105, id="noise alone is left of windows: as near"),
+        pytest.param(3.0, 0.034, id="more is left: nearer than Eq. 1"),
+    ],
+)
+def test_numbers_for_whole_recordings_do_no_worse_in_windows_where_noise_alone_is_left(adequacy, most):
+    """One run that was begun at the other flank of a gap bent four numbers by four of their intervals."""
+    best, base = (SimpleNamespace(held=SimpleNamespace(rms=rms, adequacy=adequacy)) for rms in (0.001, 0.034))
+    assert one_search._most(SimpleNamespace(best=best, base=base)) == pytest.approx(most)
 
 
 def test_errors_of_whole_runs_are_in_the_unit_of_y_and_tell_which_start(rig):

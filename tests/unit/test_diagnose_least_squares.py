@@ -1,6 +1,7 @@
 """The search: from far off to the truth, along valleys, with windows of their own starts and errors."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from seod.diagnose.fitting.held_out import nrmse, simulate_held_out, wholes
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import LeastSquares, fit, settle
 from seod.diagnose.fitting.model import baseline_model, grouped
-from seod.diagnose.fitting.simulate import POSITION, STATES
+from seod.diagnose.fitting.simulate import POSITION, PRESSURE, STATES
 from seod.diagnose.fitting.uncertainty import base_sd, covariance, effect_parameters
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
@@ -222,6 +223,17 @@ def test_a_lag_is_found_through_the_valley_where_gain_and_damping_change_togethe
 
 
 @pytest.mark.slow
+def test_the_pressure_of_a_load_that_sticks_is_kept_where_it_hardly_shows():
+    """Its step was 292 times the friction, spoilt the window's, and left the load at one noisy sample."""
+    columns = np.array([[4.7e-9, 0.27, 1.0], [4.7e-9, 0.27, -1.0]] * 3)
+    every = np.vstack([columns, 2.0 * columns, [[0.1, 0.27, 1.0]] * 6])
+    windows = SimpleNamespace(slices=[slice(0, 6), slice(6, 12), slice(12, 18)])
+    sticks = np.array([True, False, True])
+    LeastSquares._hold_pressed(windows, every, [PRESSURE, POSITION], sticks)
+    assert every[:, 0].tolist() == [0.0] * 6 + [9.4e-9] * 6 + [0.1] * 6
+    assert np.all(every[:, 1] > 0.0)
+
+
 def test_one_bad_window_has_no_veto():
     u = multisine(8000)
     y = linear(u)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
 from seod.data import Recording
+from seod.diagnose import pipeline
 from seod.diagnose.one_search import search_once
 from seod.diagnose.pipeline import Options, diagnose
-from seod.diagnose.record.closed_form import ClosedForm, output_types
+from seod.diagnose.record.closed_form import ClosedForm, Types, output_types, taken_for
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.search.budget import EFFORTS
 
@@ -121,6 +123,36 @@ def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
     u = steps()
     y = np.abs(stepped(*SPEED, u)[:, 0])
     assert diagnose([recorded(y, u)], (), Options(None, effort="quick")).output == "position"
+
+
+@pytest.mark.parametrize(
+    ("limited", "errors", "output"),
+    [
+        pytest.param((True, False), (0.0143, 0.0141), "position", id="at a limit, and no nearer"),
+        pytest.param((True, False), (0.0141, 0.0143), "velocity", id="nearer"),
+        pytest.param((True, True), (0.0143, 0.0141), "velocity", id="both are at a limit"),
+        pytest.param((False, False), (0.0143, 0.0141), "velocity", id="at none"),
+    ],
+)
+def test_a_plant_at_a_limit_may_stand_for_one_of_the_other_type(monkeypatch, limited, errors, output):
+    """A position that a spring holds was a speed of 20 times the damping, and a lag."""
+    searched = {
+        which: SimpleNamespace(
+            findings=SimpleNamespace(chosen=SimpleNamespace(held=SimpleNamespace(nrmse=error)))
+        )
+        for which, error in zip(("velocity", "position"), errors, strict=True)
+    }
+    ends = dict(zip(map(id, searched.values()), limited, strict=True))
+    monkeypatch.setattr(pipeline, "_is_limited", lambda result: ends[id(result)])
+    types = Types(("velocity",), {}, ("y is taken for a speed",))
+    result, told, said = pipeline._as_either(types, lambda which, _: searched[which], lambda *_: None)
+    assert (result, told) == (searched[output], output)
+    assert ("what is found leaves" in said[0]) == (output == "position")
+
+
+def test_the_usual_type_says_why_it_is_taken_where_the_other_is_a_little_nearer():
+    assert "8.6 %, which is not below 60 % of that;" in taken_for("position", 0.093, 0.086)
+    assert "below" not in taken_for("position", 0.086, 0.093)
 
 
 @pytest.mark.slow

@@ -133,6 +133,20 @@ def test_where_noise_is_white_an_effect_that_saves_little_is_asked_beside_a_slow
     assert (prune._unidentified(own, {"asymmetric_gain": rest}, 1e-6, SCREEN) == [rest]) is leaves
 
 
+@pytest.mark.parametrize(
+    ("adequacy", "without", "none"),
+    [
+        pytest.param(1.0, 2.8, False, id="noise alone is left with it, and more without"),
+        pytest.param(1.0, 1.1, True, id="noise alone is left without it, too"),
+        pytest.param(9.0, 9.4, True, id="more is left with it"),
+    ],
+)
+def test_what_noise_shows_to_be_there_has_a_share_however_far_the_baseline_is_off(adequacy, without, none):
+    """A constant load threw the baseline off by half of the movement: a friction beside it was 0.006 %."""
+    own, rest = judged(-3.0, 0.0034, adequacy=adequacy), judged(-2.0, 0.0055, adequacy=without)
+    assert prune._has_no_share(own, rest, 0.55**2) is none
+
+
 class WindowsHeldOut:
     """Errors of each row of windows of so many rows that no fit has seen."""
 

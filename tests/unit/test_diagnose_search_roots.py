@@ -12,6 +12,7 @@ from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
+from seod.diagnose.starts import search_roots as search_roots_module
 from seod.diagnose.starts.baseline import BaselineFits, _rough
 from seod.diagnose.starts.search_roots import also_from, search_roots
 from seod.diagnose.starts.sizes import scales
@@ -64,6 +65,28 @@ def of_position(push):
     model = baseline_model(_rough(windows, omega_n), 1.0, False, {})
     x = model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
     return fit(model, windows, x, simulated_states(model, x, windows), free=np.zeros(3, np.bool_))
+
+
+@pytest.mark.parametrize("damping", [14.0, 1.5])
+def test_where_a_load_has_damped_eq_1_the_search_begins_at_a_plant_that_oscillates_too(monkeypatch, damping):
+    """A deadband beside a load made an over-damped plant of one of 2.5 rad/s, from which no fit came back."""
+    base = of_position(300.0)
+    damped = fit(
+        base.model,
+        base.cut,
+        base.x + np.array([0.0, 0.0, np.log(damping / 0.4)]),
+        base.start,
+        free=np.zeros(3, np.bool_),
+    )
+    usual = search_roots_module._fitted_with
+
+    def fitted(name, root, *, load_alone=False):
+        return usual(name, root if load_alone else damped, load_alone=True)
+
+    monkeypatch.setattr(search_roots_module, "_fitted_with", fitted)
+    begin = search_roots_module._with_load([base])
+    zetas = [one.model.values(one.x)["zeta"] for one in begin]
+    assert zetas == pytest.approx([damping, 0.4] if damping > 2.0 else [damping])
 
 
 @pytest.mark.slow

@@ -142,6 +142,18 @@ def test_commands_in_another_unit(per_volt):
 
 
 @pytest.mark.slow
+def test_a_deadband_about_half_of_the_command(monkeypatch):
+    """Of a valve that is closed at 50 %: about 0 no command ever comes, so that a friction was named."""
+    monkeypatch.setitem(EFFORTS, "quick", 0.25)
+    u, y = record(SECONDS, through=lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.4, 0.0))
+    answer = told(50.0 + 10.0 * u, y, 1.0)
+    found = {each["name"]: each["parameters"] for each in answer["effects"]}
+    assert set(found) == {"load_bias", "valve_deadband"}
+    assert found["valve_deadband"]["half_width"]["value"] == pytest.approx(4.0, rel=0.03)
+    assert found["load_bias"]["voltage"]["value"] == pytest.approx(50.0, abs=0.2)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("lag", "delay"), [(0.5, 0.0), (0.0, 0.8)], ids=["lag", "delay"])
 def test_a_slow_plant_that_is_recorded_quickly(lag, delay):
     """At 2 rad/s and 100 Hz no delay longer than 50 rows was looked for, and two lags stood for the rest."""

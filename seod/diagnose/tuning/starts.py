@@ -184,6 +184,11 @@ class SearchRoots:
     shows_no_sign: float = 0.3
     """[-] Mean log squared error that the baseline behind a sensor without sign saves, to be a start: many a
     position begins at 0 and never goes below. Chosen: a quarter of the squares."""
+    over_damped: float = 2.0
+    """[-] zeta of Eq. 1 with a load from which on a plant that oscillates is a start, too. Chosen: the slower
+    of its rates is a fourteenth of the other."""
+    hardly_damped: float = 0.02
+    """[-] zeta down to which that one may be: less is that of a plant which is none. Chosen."""
     load_saves: float = 1.0
     """[-] Mean log squared error that Eq. 1 with a load saves, for plants without to be none. Chosen: a
     factor of e."""
