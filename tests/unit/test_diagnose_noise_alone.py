@@ -83,6 +83,13 @@ def test_noise_that_remembers_is_noise_alone(memory, seed):
     assert noise_alone(found, screened)
 
 
+def test_a_spring_that_hardly_adds_to_white_noise_is_not():
+    """The noise is known to some percent: a search ended there with a friction still to be found."""
+    found, screened = fitted(0.0, 1e-4)
+    assert found.excess < 1.03
+    assert not noise_alone(found, screened)
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_a_spring_beneath_such_noise_is_not(memory):
     assert not noise_alone(*fitted(memory, 0.02))

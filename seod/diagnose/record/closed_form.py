@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TYPES: Final = {"position": "type 1: y follows the integral of u", "velocity": "type 0: y follows u itself"}
 
 
-EQUATION: Final = "Eq. 1 with offset and delay leaves"
+EQUATION: Final = "in one run Eq. 1 with offset and delay leaves"
 
 
 class UserValues(NamedTuple):

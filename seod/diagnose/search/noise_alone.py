@@ -24,7 +24,7 @@ from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
-from seod.diagnose.tuning.fitting import FIT, NOISE_COLOUR
+from seod.diagnose.tuning.fitting import NOISE_COLOUR
 from seod.diagnose.tuning.search import NOISE_ALONE
 from seod.diagnose.tuning.starts import LINES
 
@@ -49,9 +49,10 @@ class _Left:
 
 
 def noise_alone(found: Fitted, screen: Screen) -> bool:
-    """Whether white noise is left, or little of another colour: on the windows for trying, then on all."""
-    if found.excess < FIT.noise_alone:
-        return True
+    """Whether noise is left, of which no effect promises to save any: on the windows for trying, then on all.
+
+    Asked also where no more than the noise is left: that is known to some percent, of which an effect may be.
+    """
     if _leaves_much(found) or not nothing_promised(found, screen):
         return False
     return found.cut is screen.every or nothing_promised(refined(found, screen.every, screen), screen)
