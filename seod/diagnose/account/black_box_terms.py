@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 def sizes_of(parts: Sequence[WindowResidual]) -> dict[str, float]:
     """Largest values over all windows."""
-    names = ("u", "pressure", "velocity", "position")
+    names = ["u", "pressure", "velocity", "position"]
+    if all(len(one.force) for one in parts):
+        names.append("force")
     return {
         name: max(1e-300, *(float(np.max(np.abs(getattr(one, name)))) for one in parts)) for name in names
     }
@@ -45,7 +47,8 @@ def columns_of(
     tick = float(np.median(np.diff(one.t)))
     u, p, v, x = (getattr(one, name) / sizes[name] for name in ("u", "pressure", "velocity", "position"))
     angle = tick * plant.omega_n
-    forces = _through(_load(plant), _forces(p, v, x), angle)
+    measured = _measured(one.force / sizes["force"], angle) if "force" in sizes else []
+    forces = _through(_load(plant), [*_forces(p, v, x), *measured], angle)
     volts = _through(_valve(plant), _volts(u, p, x, angle), angle)
     error = np.where(one.scored, one.error, 0.0)
     columns = np.column_stack([*forces, *volts, *_readings(p, v, x), error])
@@ -77,18 +80,27 @@ def _forces(p: Array, v: Array, x: Array) -> list[Array]:
     ]
 
 
+def _measured(f: Array, angle: float) -> list[Array]:
+    """What a disturbance that is measured may do to the load, at once or later."""
+    return [f, f * np.abs(f), *_lagged(f, angle)]
+
+
+def _lagged(x: Array, angle: float) -> list[Array]:
+    """The same later, by some parts of the plant's own time."""
+    rows = [min(max(1, round(lag / angle)), len(x) - 1) for lag in BLACK_BOX.lags]
+    return [np.r_[np.full(k, x[0]), x[:-k]] for k in rows]
+
+
 def _volts(u: Array, p: Array, x: Array, angle: float) -> list[Array]:
     """What may be added to the command."""
     hinges = [np.sign(s) * np.maximum(np.abs(s) - part, 0.0) for s in (u, p) for part in BLACK_BOX.hinges]
-    rows = [min(max(1, round(lag / angle)), len(u) - 1) for lag in BLACK_BOX.lags]
-    lagged = [np.r_[np.full(k, u[0]), u[:-k]] for k in rows]
     change = np.gradient(p) / angle
     return [
         *(u, np.abs(u), u * np.abs(u), u * u, u**3, np.tanh(u / BLACK_BOX.sharp)),
         *(np.abs(p), p * np.abs(p), p * p, p**3, u * p, np.abs(u) * p, u * np.abs(p), u * p * p),
         *(u * x, p * x, change * x, change, change * np.abs(p)),
         *hinges,
-        *lagged,
+        *_lagged(u, angle),
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,6 +59,7 @@ class WindowResidual:
         position: Likewise [unit]; of a speed but for a straight line where its readings tell it to be: by a
             wrong model the load drifts off. Nearer to them, it would bring along what is left of them.
         held_out: No fit has seen it.
+        force: What is measured of a disturbance [its unit]; empty where nothing is.
     """
 
     file: int
@@ -70,6 +71,7 @@ class WindowResidual:
     velocity: Array
     position: Array
     held_out: bool
+    force: Array = field(default_factory=lambda: np.empty(0))
 
 
 def horizon(one: WindowResidual, plant: Plant) -> int:
@@ -89,7 +91,8 @@ def window_residuals(held: HeldOut, *, held_out: bool) -> list[WindowResidual]:
             if tells_its_place(one):
                 position = position + _line(t, one.travelled[first:last] - position)
             some = pressure, velocity, position
-            out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out))
+            force = one.force[first:last] if len(one.force) else one.force
+            out.append(WindowResidual(k, t, u, error[rows], scored[rows], *some, held_out, force))
     return out
 
 
