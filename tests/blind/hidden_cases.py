@@ -30,6 +30,12 @@ LISTED_SINCE = {SLEW: 22000, "sensor_nonlinearity": 31000, "static_valve_map": 3
 """Listed later: records of lower numbers are what they were before."""
 SENSORS_SINCE = 120000
 """Sensors that rectify or repeat, a measured disturbance, mains, samplers: lower numbers have none."""
+ROWS_SINCE = 134000
+"""From this number on a plant is sampled slowly or quickly: before, 8 to 25 rows were a radian of it."""
+FEWEST_ROWS, MOST_ROWS = 4.0, 60.0
+"""Rows to a radian of the plant's own frequency."""
+LONGEST_ROWS = 24000
+"""Of a record."""
 A_TURN_SINCE = 132020
 """From this number on an eccentric encoder that is hidden as a curve turns no more than `MOST_TURNS`."""
 MOST_TURNS = 1.25
@@ -121,11 +127,22 @@ def draw(
         hides = "one" if kind == "unlisted" and chosen[0] in LISTED else kind
         case = _bare(number, hides, chosen, excitation, sees_speed, noise_part, random)
         case = case if duration is None else replace(case, duration=duration)
+        case = case if number < ROWS_SINCE else _in_rows(case)
         try:
             return _strong(case, random)
         except Invisible:
             continue
     raise Invisible(f"case {number}: {kind} {causes} under {excitation} cannot be seen")
+
+
+def _in_rows(case: Case) -> Case:
+    """Sampled at another rate for its plant, but for times that jitter, and for as long as rows allow."""
+    if "timing_jitter" in case.causes:
+        return case
+    spread = math.log(FEWEST_ROWS), math.log(MOST_ROWS)
+    rows = math.exp(np.random.default_rng([case.number, 14]).uniform(*spread))
+    tick = 1.0 / (rows * case.rig.omega_n)
+    return replace(case, tick=tick, duration=min(case.duration, LONGEST_ROWS * tick))
 
 
 def known(number: int) -> tuple[str, ...]:

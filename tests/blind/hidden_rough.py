@@ -47,6 +47,10 @@ MILD_SINCE = 130000
 """From this number on a sampler loses no more than the noise: a cause that shows less cannot be told."""
 TOLD_SINCE = 130300
 """From this number on a file that tells when commands were given has no sampler: it would tell a lie."""
+COMMANDS_SINCE = 134000
+"""From this number on commands have any unit: %, mA, counts of a converter."""
+LEAST_COMMAND, LARGEST_COMMAND = 0.1, 3000.0
+"""Of the file's units of a command in one volt."""
 RELEVANT = 0.02
 """Of the movement's deviation: what a sampler leaves and is more has no name, and is rightly unexplained."""
 TURNED = {"asymmetric_gain.ratio", "null_shift.voltage"}
@@ -66,6 +70,7 @@ class Rough:
         time: Seconds of the file in one of the generator.
         length: Units of the file in one of the generator.
         sign: Of the command.
+        volt: Of the file's units of a command in one volt.
         mains: Part of the disturbance's variance that is a hum of 50 Hz with overtones; the rest is as above.
         sampler: How the command came into the record. `finer`: it changed also between rows, and is recorded
             as it was at each row; `late`: likewise, but as it was a part of a row before; `slower`: it was
@@ -89,6 +94,7 @@ class Rough:
     sampled: int = 1
     late: int = 0
     leaves: float = 0.0
+    volt: float = 1.0
 
     def as_json(self) -> dict[str, float]:
         return asdict(self)
@@ -101,11 +107,12 @@ class Rough:
         )
         lengths, seconds = dimension(unit, sees_speed=sees_speed)
         sign = self.sign if place in TURNED else 1.0
-        return sign * value * self.length**lengths * self.time**seconds
+        volts = self.volt if unit.split("/")[0] == "V" else 1.0
+        return sign * value * self.length**lengths * self.time**seconds * volts
 
     def gain(self, K_L: float) -> float:
         """K_L in the file's units."""
-        return self.sign * K_L * self.length / self.time
+        return self.sign * K_L * self.length / self.time / self.volt
 
     @property
     def also_there(self) -> set[str]:
@@ -161,6 +168,9 @@ def rough(case: Case) -> Rough:
         length=float(10.0 ** random.uniform(-3.0, 3.0)),
         sign=float(random.choice([-1.0, 1.0])),
     )
+    if case.number >= COMMANDS_SINCE:
+        spread = math.log(LEAST_COMMAND), math.log(LARGEST_COMMAND)
+        how = replace(how, volt=math.exp(np.random.default_rng([case.number, 13]).uniform(*spread)))
     return how if case.number < SENSORS_SINCE else _with_mains_and_sampler(case, how)
 
 
@@ -234,7 +244,7 @@ def make_rough_record(case: Case, how: Rough) -> Record:
     scale = how.length / how.time if case.rig.sees_speed else how.length
     t = case.t * how.time
     t_u = t + case.latency * how.time if case.latency else None
-    y, u = _converted(y * scale, how.bits), _converted(u * how.sign, how.bits)
+    y, u = _converted(y * scale, how.bits), _converted(u * how.sign * how.volt, how.bits)
     ps = None if supply is None else 7e6 * supply
     return Record(t, u, y, t_u, ps, None if f is None else _converted(f, how.bits))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import hidden_cases
 import hidden_rough
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ from truth_runs import follow
 
 from seod.data import read
 
-QUIET = Rough(0.0, 0.0, 0.0, 0.0, 50.0, 0, time=7.0, length=0.02, sign=1.0)
+QUIET = Rough(0.0, 0.0, 0.0, 0.0, 50.0, 0, time=7.0, length=0.02, sign=1.0, volt=40.0)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +72,8 @@ def test_a_step_of_a_speed_is_one():
 
 @pytest.mark.parametrize("sees_speed", [False, True])
 @pytest.mark.parametrize(
-    "cause", ["coulomb_friction", "asymmetric_gain", "load_bias", "valve_rate_limit", "backlash"]
+    "cause",
+    ["coulomb_friction", "asymmetric_gain", "load_bias", "valve_rate_limit", "valve_deadband", "backlash"],
 )
 def test_the_file_is_that_of_the_plant_with_converted_numbers(cause, sees_speed):
     case = replace(draw(32000, "one", (cause,), "steps", sees_speed, duration=6.0), noise=0.0)
@@ -141,6 +143,13 @@ def test_records_of_lower_numbers_have_neither_mains_nor_a_sampler():
     assert 5 < sum(each.mains > 0.0 for each in later) < 30
     assert all((each.leaves > 0.0) == (each.sampler != "none") for each in later)
     assert all(0 < each.late <= each.sampled for each in later if each.sampler == "late")
+
+
+def test_from_a_number_on_commands_have_any_unit():
+    case = draw(40, "clean", (), "multisine", False, duration=3.0)
+    units = [rough(replace(case, number=number)).volt for number in range(133980, 134020)]
+    assert set(units[:20]) == {1.0}
+    assert min(units[20:]) < 2.0 < 1000.0 < max(units[20:])
 
 
 def test_from_a_number_on_no_sampler_loses_more_than_the_noise():
@@ -358,3 +367,14 @@ def test_torques_under_which_the_truth_has_no_end_are_left_out(monkeypatch):
 
     monkeypatch.setattr(hidden_rough, "sampled", without_end)
     assert np.all(np.isfinite(make_rough_record(case, how).y))
+
+
+def test_from_a_number_on_plants_are_sampled_slowly_and_quickly():
+    case = draw(40, "clean", (), "multisine", False, duration=12.0)
+    every = (hidden_cases._in_rows(replace(case, number=number)) for number in range(134000, 134030))
+    rows = [1.0 / (each.tick * case.rig.omega_n) for each in every]
+    assert 4.0 <= min(rows) < 8.0
+    assert 30.0 < max(rows) <= 60.0
+    fine = draw(134000, "clean", (), "multisine", False, duration=12.0)
+    assert len(fine.t) <= 24000
+    assert draw(133999, "clean", (), "multisine", False, duration=12.0).tick in {1e-3, 5e-4}
