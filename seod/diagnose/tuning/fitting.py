@@ -168,9 +168,10 @@ class Fit:
     """[-] Of one step, until it improves. Chosen."""
     dampings_tried_softened: int = 8
     """[-] Likewise where jumps of a reading are fitted as ramps. Chosen: twice as many."""
-    hardly_shows: float = 1e-6
+    hardly_shows: float = 1e-8
     """[-] Square of what a step of the pressure changes over that of the position, of a load that sticks at
-    first, below which the pressure is kept. Chosen: rounding is far below, what a fit needs far above."""
+    first, below which the pressure is kept. Chosen: a ten-thousandth. Measured: of a long run, of which the
+    pressure tells how it began, it is 6e-7."""
     negligible: float = 1e-3
     """[-] Error of a window over the noise that makes no difference. Chosen."""
     negligible_coarse: float = 0.5
