@@ -126,6 +126,11 @@ class Series:
             return self.u
         return self.u[np.maximum(np.searchsorted(self.t_u, self.t, "right") - 1, 0)]
 
+    @property
+    def reading_s(self) -> float:
+        """Median interval of readings [s]: of a sensor that repeats them, of new ones."""
+        return float(np.median(np.diff(self.t[self.good]))) if self.held else self.tick
+
     def sparser(self, stride: int) -> Series:
         """Every so manieth sample, and the commands that change something."""
         changes = np.flatnonzero(np.diff(self.u, prepend=np.nan) != 0.0)

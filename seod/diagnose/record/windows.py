@@ -335,7 +335,7 @@ def _stride(recording: Series) -> int:
     A limit cycle is smooth; what oscillates after each switch of slow commands is not.
     """
     stride = (
-        max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.tick)))
+        max(1, int(recording.period_s / (WINDOWS.samples_a_period * recording.reading_s)))
         if recording.relayed
         else 1
     )
