@@ -244,9 +244,9 @@ def test_of_many_rows_the_first_part_of_each_window_is_taken(one):
 def test_of_few_readings_a_cycle_a_relays_search_sees_all():
     """A sensor that repeats its readings has fewer than rows: it is they that are counted."""
     t = np.arange(20_000) / RATE
-    u = np.where(np.sin(2.0 * np.pi * 20.0 * t) > 0.0, 1.0, -1.0)
+    u = np.where(np.sin(2.0 * np.pi * 4.0 * t) > 0.0, 1.0, -1.0)
     read = np.arange(len(t)) % 12 == 0
-    y = np.repeat(np.sin(2.0 * np.pi * 20.0 * t[read]), 12)[: len(t)]
+    y = np.repeat(np.sin(2.0 * np.pi * 4.0 * t[read]), 12)[: len(t)]
     held = series(of(y, u), ~read, taken=t)
     whole = Cut((held,), ((0, 0, 10_000), (0, 10_000, 20_000)))
     assert held.reading_s == pytest.approx(12.0 / RATE)
