@@ -255,15 +255,15 @@ def _as_either(
 ) -> tuple[SearchResult, Output, tuple[str, ...]]:
     """What is found, what y is, and what is said of that.
 
-    Where Eq. 1 leaves it open, and much is left of the likelier type, the other one is searched as well. Or
-    where nobody tells, and the plant that is found is at a limit: it may stand for a plant of the other type
-    that Eq. 1 misses as far, as of a position that a spring holds.
+    Where nobody tells, and much is left of the likelier type or its plant is at a limit, the other one is
+    searched as well: a position that a spring holds follows u as a speed does, and Eq. 1 of a position is
+    farther from it.
     """
-    likelier, *other = types.open
+    likelier = types.likelier
     result = searched_as(likelier, progress)
     left = result.findings.chosen.held.nrmse
     limited = bool(types.said) and _is_limited(result)
-    if not limited and (not other or left <= CLOSED_FORM.good):
+    if not limited and (not types.said or left <= CLOSED_FORM.good):
         return result, likelier, types.said
     second: Output = "velocity" if likelier == "position" else "position"
     try:
@@ -326,7 +326,7 @@ def _types(recordings: Sequence[Recording], asked: Options) -> Types:
     """What y may be, and Eq. 1 in closed form."""
     told = UserValues(asked.hold or "zero", asked.gain, asked.delay)
     if asked.output is not None:
-        return Types((asked.output,), {asked.output: closed_form(recordings, asked.output, told)}, ())
+        return Types(asked.output, {asked.output: closed_form(recordings, asked.output, told)}, ())
     tried: dict[Output, ClosedForm] = {
         "position": closed_form(recordings, "position", told),
         "velocity": closed_form(recordings, "velocity", told),

@@ -260,6 +260,8 @@ class Cause:
         follows: Parameter by which it is an acceleration in proportion to a channel, in which Eq. 1 is
             linear, too; "" without one.
         drift: Parameter by which that acceleration grows with time; "" without one.
+        pulls: Parameters by which it is an acceleration in proportion to the position, and the position where
+            it is none: a plant with both is linear. None without.
         figure: A number that the sentence tells, from all effects of the model.
     """
 
@@ -285,6 +287,7 @@ class Cause:
     offset: str = ""
     follows: str = ""
     drift: str = ""
+    pulls: tuple[str, str] | None = None
     figure: Callable[[Effects], float] | None = None
 
     @property

@@ -98,6 +98,7 @@ LOAD_SPRING: Final = Cause(
     plain=(Plain("load_bias", becomes=lambda v, _: {"load_bias.acceleration": _at_0(v)}),),
     alike=(null_for(_at_0),),
     states=("position",),
+    pulls=("stiffness", "centre"),
 )
 LOAD_RESONANCE: Final = Cause(
     name="load_resonance",

@@ -55,6 +55,10 @@ FOLLOWS, FOLLOWS_PLACE = next((name, f"{name}.{one.follows}") for name, one in C
 """The cause that is an acceleration in proportion to a channel, and its parameter, likewise."""
 SOLVED: Final = {OFFSET: OFFSET_PLACE, FOLLOWS: FOLLOWS_PLACE}
 """Causes in which Eq. 1 is linear: their sizes are solved for with its gain."""
+PULLS, PULLS_PLACES = next(
+    (name, (f"{name}.{one.pulls[0]}", f"{name}.{one.pulls[1]}")) for name, one in CAUSES.items() if one.pulls
+)
+"""The cause that is an acceleration in proportion to the position, and its parameters."""
 OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
 """By how much it grows with time: searched in runs of whole recordings alone, windows hardly show it."""
 WITHOUT_SIGN: Final = frozenset(name for name, one in CAUSES.items() if one.unsigned)

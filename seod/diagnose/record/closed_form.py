@@ -93,12 +93,12 @@ class Types(NamedTuple):
     """What y may be.
 
     Attributes:
-        open: The outputs that Eq. 1 leaves open, the likelier one first.
+        likelier: What it is taken for at first.
         closed: The best plant by what y is.
         said: A sentence of what y is taken for; none where the user tells.
     """
 
-    open: tuple[Output, ...]
+    likelier: Output
     closed: Mapping[Output, ClosedForm]
     said: tuple[str, ...]
 
@@ -113,9 +113,7 @@ def output_types(closed: Mapping[Output, ClosedForm], usual: Output) -> Types:
     other: Output = "velocity" if usual == "position" else "position"
     by_usual, by_other = closed[usual].nrmse, closed[other].nrmse
     first, second = (other, usual) if by_other < CLOSED_FORM.clearly * by_usual else (usual, other)
-    near, far = closed[first].nrmse, closed[second].nrmse
-    sure = near < CLOSED_FORM.surely * far
-    return Types((first,) if sure else (first, second), closed, (taken_for(first, near, far),))
+    return Types(first, closed, (taken_for(first, closed[first].nrmse, closed[second].nrmse),))
 
 
 def taken_for(output: Output, left: float, otherwise: float, by: str = EQUATION) -> str:

@@ -7,19 +7,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from seod.diagnose.causes.table import CAUSES, SOLVED, searched_causes
+from seod.diagnose.causes.base import BASE
+from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
+from seod.diagnose.starts.pulled_back import pulled_back
+from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from seod.diagnose.causes.scales import Scales
     from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
+    from seod.diagnose.fitting.model import Model
     from seod.diagnose.record.closed_form import ClosedForm
     from seod.diagnose.record.windows import Cut
 
@@ -52,8 +56,21 @@ class Roots(NamedTuple):
 def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
     """The baseline and the other fits where they differ, or Eq. 1 with a load, if that hid the plant.
 
-    Where readings have lost their sign the baseline behind such a sensor is one of them.
+    Where something pulls the load back, all sizes are those of that plant: Eq. 1 is none. Where readings have
+    lost their sign the baseline behind such a sensor is one of them.
     """
+    roots = _roots(base, fits, sizes, cut)
+    held = _pulled_back(roots)
+    if held is None:
+        return _also_unsigned(roots, cut)
+    sizes = replace(scales(held, cut), given=sizes.given)
+    roots = _also_unsigned(_roots(base, fits, sizes, cut), cut)
+    held = _as_start(roots.baseline.model, held.model.values(held.x), cut)
+    return roots._replace(begin=[held, *roots.begin])
+
+
+def _roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
+    """Those of Eq. 1, with a load or without."""
     model = replace(base.model, scales=sizes)
     found = [fit(model, cut, base.x, settled_states(model, base.x, cut))]
     for one in filter(None, (fits.closed, fits.near, fits.other)):
@@ -62,12 +79,16 @@ def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> R
         root = fit(other, cut, one.x, start, free=nothing)
         if all(_differ(root, each) for each in found):
             found.append(root)
-    roots = Roots(found[0], _with_load(found) or found)
-    unsigned = unsigned_root(base.model, cut, sizes)
+    return Roots(found[0], _with_load(found) or found)
+
+
+def _also_unsigned(roots: Roots, cut: Cut) -> Roots:
+    """And the baseline behind a sensor without sign, where readings have lost it."""
+    unsigned = unsigned_root(roots.baseline.model, cut, roots.baseline.model.scales)
     if unsigned is None:
         return roots
     root = unchanged(unsigned.model, unsigned.x, cut)
-    hidden = root.cost < found[0].cost - SEARCH_ROOTS.shows_no_sign
+    hidden = root.cost < roots.baseline.cost - SEARCH_ROOTS.shows_no_sign
     return roots._replace(begin=[*roots.begin, root]) if hidden else roots
 
 
@@ -97,6 +118,28 @@ def _with_load(found: Sequence[Fitted]) -> list[Fitted]:
     (name,) = loaded.model.names
     oscillating = _oscillating(found, name) if _zeta(loaded) > SEARCH_ROOTS.over_damped else []
     return [loaded, *oscillating, *(_about_its_null(loaded) if _off_zero(loaded.cut) else ())]
+
+
+def _pulled_back(roots: Roots) -> Fitted | None:
+    """A load that something pulls back, where that leaves so much less that Eq. 1, loaded or not, is none.
+
+    Eq. 1 of a position that comes to rest where u stands still is as far from it as can be.
+    """
+    model, cut = roots.baseline.model, roots.baseline.cut
+    if PULLS in model.fixed or roots.baseline.excess < SEARCH_ROOTS.far_from_noise:
+        return None
+    places = (*BASE, *PULLS_PLACES)
+    tried = [_as_start(model, dict(zip(places, one, strict=True)), cut) for one in pulled_back(cut)]
+    tried.sort(key=lambda one: one.cost)
+    every = [fit(one.model, cut, one.x, one.start) for one in tried[: SEARCH_ROOTS.pulled_back]]
+    best = min(every, key=lambda one: one.cost, default=None)
+    least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
+    return best if best is not None and best.cost < least else None
+
+
+def _as_start(model: Model, values: Mapping[str, float], cut: Cut) -> Fitted:
+    held = model.turned(values["K_L"]).with_effect(PULLS)
+    return unchanged(held, held.searched(values), cut)
 
 
 def _oscillating(found: Sequence[Fitted], name: str) -> list[Fitted]:

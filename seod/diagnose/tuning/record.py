@@ -24,9 +24,6 @@ class ClosedForm:
 
     clearly: float = 0.6
     """[-] NRMSE of the other type over that of the usual one, below which the other is likelier. Chosen."""
-    surely: float = 0.4
-    """[-] Of the likelier type over that of the other, below which nothing else is asked. Chosen. Measured:
-    with LuGre friction under two phases a position had 1.8 times as much as a speed."""
     good: float = 0.05
     """[-] NRMSE that the likelier type leaves held out, with causes, up to which it is not doubted. Chosen: a
     controller can be designed by it."""

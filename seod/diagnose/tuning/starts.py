@@ -189,6 +189,10 @@ class SearchRoots:
     of its rates is a fourteenth of the other."""
     hardly_damped: float = 0.02
     """[-] zeta down to which that one may be: less is that of a plant which is none. Chosen."""
+    pulled_back: int = 2
+    """[plants] Of a load that is pulled back, by segments of several lengths, that are fitted. Chosen."""
+    shortest_rows: int = 25
+    """[rows] Of such segments, at least. Chosen: five unknowns and a parabola of each."""
     load_saves: float = 1.0
     """[-] Mean log squared error that Eq. 1 with a load saves, for plants without to be none. Chosen: a
     factor of e."""
