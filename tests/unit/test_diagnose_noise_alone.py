@@ -54,19 +54,23 @@ def moved(spring: float) -> tuple[np.ndarray, np.ndarray]:
     return u, y
 
 
-def halves(memory: float, spring: float, seed: int = 1):
-    """Windows to fit and windows held out of readings with such noise, and the readings' deviation."""
+def halves(memory: float, spring: float, seed: int = 1, line: float = 0.0):
+    """Windows to fit and windows held out of readings with such noise, and the readings' deviation.
+
+    And with a line of 28 Hz, as large as told over the noise.
+    """
     u, y = moved(spring)
     noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(seed).normal(size=2 * N))[N:]
-    y = y + NOISE * np.std(y) * noise / np.std(noise)
+    wave = line * np.sqrt(2.0) * np.sin(2.0 * np.pi * 28.0 * T)
+    y = y + NOISE * np.std(y) * (noise / np.std(noise) + wave)
     one = series(Recording((Path("r.csv"),), T, u, y, None, None, None, np.arange(1, N + 1), {}, {}, ()))
     to_fit, held_out = cut([one])
     return fitted_windows(to_fit), held_out, float(np.std(y))
 
 
-def fitted(memory: float, spring: float, seed: int = 1):
+def fitted(memory: float, spring: float, seed: int = 1, line: float = 0.0):
     """Eq. 1 fitted to such readings, and the screen of its search."""
-    to_fit, _, size = halves(memory, spring, seed)
+    to_fit, _, size = halves(memory, spring, seed, line)
     screened = screen(to_fit, map, Budget())
     sizes = Scales(1.0, 60.0 * size, 3600.0 * size, 0.0, size, size, 60.0, 12.0, 1.0 / RATE)
     model = baseline_model(sizes, 1.0, False, {})
@@ -93,6 +97,13 @@ def test_a_spring_that_hardly_adds_to_white_noise_is_not():
 @pytest.mark.parametrize("memory", [0.0, 0.95, 0.99])
 def test_a_spring_beneath_such_noise_is_not(memory):
     assert not noise_alone(*fitted(memory, 0.02))
+
+
+@pytest.mark.parametrize("memory", [0.95, 0.99])
+@pytest.mark.parametrize("line", [2.5, 3.5])
+def test_a_line_that_is_nearly_all_that_is_left_is_none_of_a_noise(memory, line):
+    """A past of 64 rows foretells it, and the noise beneath it no worse."""
+    assert not noise_alone(*fitted(memory, 0.0, line=line))
 
 
 def test_rounding_that_hides_the_error_of_most_rows_tells_nothing():

@@ -161,13 +161,15 @@ def _hides_in_memory(raw: ParentResidual, most: Sequence[tuple[str, Array]]) -> 
     """Whether one of the effects that make up most of what is left would not make up as much of noise.
 
     A memory that is fitted to all that is left foretells an effect, too. Noise of that colour has its
-    frequencies, but not its phases, unless it is a wave. Without a wave the past foretells the rest better.
+    frequencies, but not its phases, unless it is a wave. Without a wave the past foretells the rest better,
+    or the wave is nearly all that is left: no noise keeps its phase through all windows.
     """
     own, noises = _foretold(raw, raw.remaining), _noises(raw)
     for name, directions in most:
         if _waves(name):
             rest = raw.remaining - directions @ (directions.T @ raw.remaining)
-            hides = own - _foretold(raw, rest) > NOISE_ALONE.line_saves
+            part = 1.0 - float(rest @ rest) / float(raw.remaining @ raw.remaining)
+            hides = part > NOISE_ALONE.line_alone or own - _foretold(raw, rest) > NOISE_ALONE.line_saves
         else:
             hides = _chance_of_part(directions, raw.remaining, noises) < NOISE_ALONE.by_noise
         if hides:
