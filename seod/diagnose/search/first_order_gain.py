@@ -50,9 +50,10 @@ class ParentResidual:
         assert table is not None  # noqa: S101 - a search has one
         self.good, self.residual = search.good, residual
         self.weight = np.sqrt(np.repeat(table.weights, parent.cut.sizes))
-        own = table.columns[:, :-1] * self.weight[:, None]
-        size = np.linalg.norm(own, axis=0)
-        self.own = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
+        columns = table.columns[:, :-1] * self.weight[:, None]
+        states = len(parent.model.states)
+        self.states = [_orthonormal(columns[rows, :states]) for rows in parent.cut.slices]
+        self.own = _orthonormal(self._beyond_states(columns[:, states:]))
         self.remaining = self.beyond(residual)
 
     def promise(self, name: str, start: Values, *, each_size: bool = False) -> Promise:
@@ -93,7 +94,21 @@ class ParentResidual:
     def beyond(self, y: Array) -> Array:
         """Of changes of `y`, shape (n,) or (n, k), what the parent's own parameters cannot do, weighted."""
         weighted = np.clip((y.T * self.weight).T, -1e100, 1e100)
-        return np.asarray(weighted - self.own @ (self.own.T @ weighted))
+        left = self._beyond_states(weighted)
+        return np.asarray(left - self.own @ (self.own.T @ left))
+
+    def _beyond_states(self, y: Array) -> Array:
+        """Of weighted changes of each window what its own initial state cannot do."""
+        out = y.copy()
+        for rows, own in zip(self.parent.cut.slices, self.states, strict=True):
+            out[rows] -= own @ (own.T @ y[rows])
+        return out
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Directions of columns, shape (n, k), but for those that are 0."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.linalg.qr(columns[:, size > 0.0] / size[size > 0.0])[0])
 
 
 def _sizes_alone(name: str, values: Values) -> list[Values]:
