@@ -36,6 +36,12 @@ FEWEST_ROWS, MOST_ROWS = 4.0, 60.0
 """Rows to a radian of the plant's own frequency."""
 LONGEST_ROWS = 24000
 """Of a record."""
+DOMINANT_SINCE = 135000
+"""From this number on an effect may leave more than the movement itself, as of a stiff specimen."""
+MOST_VISIBLE, MOST_DOMINANT = 10.0, 50.0
+"""What an effect leaves of the best plant of Eq. 1, over the least that is fair, at most; then and since."""
+STIFFEST = 6.0
+"""Since then, of a spring over that of the oil, at most."""
 A_TURN_SINCE = 132020
 """From this number on an eccentric encoder that is hidden as a curve turns no more than `MOST_TURNS`."""
 MOST_TURNS = 1.25
@@ -201,13 +207,14 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
 
 
 def _strong(case: Case, random) -> Case:
-    """The case with effects of a drawn visibility, 3.3 to 30 times the noise."""
+    """The case with effects of a drawn visibility, 3.3 to 30 times the noise, or to 150 times."""
     base, u = run(case)
     z = sizes(base, u, case.tick, sees_speed=case.rig.sees_speed)
     case = replace(case, hysteresis=HYSTERESIS * case.noise_part * z.place)
     effects, visible = {}, {}
+    most = MOST_VISIBLE if case.number < DOMINANT_SINCE else MOST_DOMINANT
     for cause in case.causes:
-        wanted = math.exp(random.uniform(math.log(1.1 * LEAST), math.log(10.0 * LEAST)))
+        wanted = math.exp(random.uniform(math.log(1.1 * LEAST), math.log(most * LEAST)))
         if cause in DEFECTS:
             noise = case.noise_part * float(np.std(detrend(base)))
             case = replace(case, defects=_defect(cause, wanted, noise, z, case.tick, random))
@@ -286,9 +293,10 @@ def _defect(cause, wanted, noise, z, tick, random) -> dict[str, float]:
 
 def _of_visibility(case, cause, wanted, z, d):
     """Effects and what the baseline leaves of them over the noise: nearest to `wanted` of eight tries."""
-    low, high, best = 1e-4, 1.0, None
+    stiff = cause == "load_spring" and case.number >= DOMINANT_SINCE
+    low, high, best = 1e-4, STIFFEST if stiff else 1.0, None
     for attempt in range(8):
-        s = math.sqrt(low * high) if attempt else 1.0
+        s = math.sqrt(low * high) if attempt else high
         effects = effects_of(cause, s, d, z, case.rig.omega_n, case.duration)
         trial = replace(case, causes=(cause,), rig=replace(case.rig, effects=effects))
         y, u = run(trial)
