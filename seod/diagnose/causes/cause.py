@@ -230,6 +230,10 @@ def _nowhere(_: Scales) -> tuple[tuple[float, ...], ...]:
     return ()
 
 
+def _no_values(_: Scales) -> tuple[Values, ...]:
+    return ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:
     """One cause.
@@ -239,7 +243,8 @@ class Cause:
         says: What it means, as a sentence of the report; `{figure}` stands for `figure`.
         coordinates: What is searched.
         starts: Values of the coordinates, in their order, to begin from; of a wave none, it begins at lines.
-        remote: Factors on the parent's plant, from which the largest start is tried too.
+        remote: Factors on the parent's plant, and numbers beside them where not the largest start's, from
+            which it is tried too.
         searched: Whether a simulation can show it in recordings of these sizes.
         within: Brings its parameters, among all effects of a model, to what can be simulated.
         plain: Simpler causes that it contains.
@@ -269,7 +274,7 @@ class Cause:
     says: str
     coordinates: Callable[[Scales], tuple[Coordinate, ...]]
     starts: Callable[[Scales], tuple[tuple[float, ...], ...]] = _nowhere
-    remote: tuple[Values, ...] = ()
+    remote: Callable[[Scales], tuple[Values, ...]] = _no_values
     searched: Callable[[Scales], bool] = _always
     within: Callable[[Effects, Scales], None] | None = None
     plain: tuple[Plain, ...] = ()
@@ -300,7 +305,7 @@ class Cause:
         coordinates = tuple(self._placed(each) for each in self.coordinates(scales))
         places = [each.place for each in coordinates]
         starts = [dict(zip(places, each, strict=True)) for each in self.starts(scales)]
-        return Group(coordinates, (*starts, *(starts[-1] | each for each in self.remote)))
+        return Group(coordinates, (*starts, *(starts[-1] | each for each in self.remote(scales))))
 
     def _placed(self, coordinate: Coordinate) -> Coordinate:
         """With its whole place, both ends within the effect's own limits."""

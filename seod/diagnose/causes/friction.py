@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.cause import Cause, Coordinate, Cycle, Grid, Plain, sized
+from seod.diagnose.causes.cause import Alike, Cause, Coordinate, Cycle, Grid, Plain, sized
+from seod.diagnose.causes.flow import null_of_load
 from sim.effects import STEEPEST as STEEPEST_SIMULATED
 from sim.effects import STIFFEST, stiffest_bristles
 
@@ -133,7 +134,7 @@ COULOMB_FRICTION: Final = Cause(
     says="Seals or bearings rub: a constant force against the movement, which holds the load at rest.",
     coordinates=lambda s: (_levels(s),),
     starts=lambda s: tuple((x * s.pressure,) for x in LEVELS),
-    remote=STUCK_BASELINE,
+    remote=lambda _: STUCK_BASELINE,
     grid=Grid(
         sizes=lambda shares, _, cycle: {
             "coulomb_friction.level": shares["coulomb_friction.level"] * cycle.stalls
@@ -141,13 +142,21 @@ COULOMB_FRICTION: Final = Cause(
         alone=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS),
         paired=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS_PAIRED),
     ),
+    alike=(
+        Alike(
+            "valve_deadband",
+            lambda v, _: {
+                "valve_deadband.half_width": abs(v["coulomb_friction.level"] * null_of_load(v)),
+            },
+        ),
+    ),
 )
 STRIBECK_FRICTION: Final = Cause(
     name="stribeck_friction",
     says="Friction is larger at low speed than at high speed.",
     coordinates=_falling,
     starts=lambda s: tuple((x * s.pressure, v * s.speed) for x, v in FALLING),
-    remote=STUCK_BASELINE,
+    remote=lambda _: STUCK_BASELINE,
     within=_within_fall,
     plain=(
         Plain(

@@ -22,7 +22,7 @@ STIFFEST_SPRING: Final = 1e7
 """Of a spring [1/s^2]: the simulated plant's own limit."""
 LEAST_INERTIA, MOST_INERTIA = 1e-3, 10.0
 """Second inertia over the first: less is not seen beside noise, more has become the first; chosen."""
-LEAST_RESONANCE, LARGEST_RESONANCE = 0.3, 20.0
+LEAST_RESONANCE, LARGEST_RESONANCE = 0.1, 20.0
 """Frequency of a second inertia over omega_n, at least and at most: farther off the inertias move as one."""
 SLOWEST_RESONANCE: Final = 1.0
 """Of it, at least [rad/s]: the simulated plant's own limit."""
@@ -38,6 +38,11 @@ INERTIA_STARTS: Final = (
 )
 """Inertia, frequency over omega_n, and damping ratio: a light one at four places, a heavy one near the
 plant's own, where it splits its resonance; chosen."""
+
+
+HEAVY_BELOW: Final = ((0.7, 1.0, 0.28), (0.5, 3.0, 0.15), (0.5, 3.0, 0.3))
+"""Factor on omega_n, inertia, and frequency over the baseline's omega_n, where a baseline took the higher of
+both resonances for the plant's own, which lies at sqrt(1 + inertia) of it: a heavy one behind a soft shaft."""
 
 
 def null_for(load: Callable[[Values], float]) -> Alike:
@@ -74,6 +79,13 @@ def _resonance(s: Scales) -> tuple[Coordinate, ...]:
     )
 
 
+def _heavy_below(s: Scales) -> tuple[Values, ...]:
+    return tuple(
+        {"*omega_n": factor, "load_resonance.inertia": inertia, "load_resonance.omega": x * s.omega_n}
+        for factor, inertia, x in HEAVY_BELOW
+    )
+
+
 LOAD_BIAS: Final = Cause(
     name="load_bias",
     says="A constant load pulls: gravity, an unbalanced cylinder, or a valve whose centre is not at 0 V.",
@@ -105,6 +117,7 @@ LOAD_RESONANCE: Final = Cause(
     says="A second inertia oscillates behind a shaft or a structure that gives.",
     coordinates=_resonance,
     starts=lambda s: tuple((inertia, x * s.omega_n, zeta) for inertia, x, zeta in INERTIA_STARTS),
+    remote=_heavy_below,
     states=("velocity2", "position2"),
 )
 LOAD: Final = (LOAD_BIAS, LOAD_SPRING, LOAD_RESONANCE)

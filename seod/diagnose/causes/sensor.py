@@ -69,6 +69,11 @@ def _gap(shares: Values, sizes: Values, cycle: Cycle) -> Values:
     return {"backlash.gap": max(shares["backlash.gap"] * moves, LEAST["backlash.gap"])}
 
 
+def _widest_gap(s: Scales) -> float:
+    """All of the travel: between far moves the baseline may ring, and its oscillation be small [unit]."""
+    return max(WIDEST_GAP * s.peak_to_peak, s.travel)
+
+
 def _repeating(s: Scales) -> tuple[float, float]:
     """Wavenumbers of a ripple [rad/unit]: longer waves are a bend, shorter ones a sensor's rounding."""
     most = 2.0 * math.pi * MOST_WAVES / s.travel
@@ -103,10 +108,10 @@ BACKLASH: Final = Cause(
     name="backlash",
     says="There is backlash between the actuator and what is measured: a turn shows once the gap is used up.",
     coordinates=lambda s: (
-        linear("gap", GAP_SCALE * s.peak_to_peak, LEAST_GAP * s.peak_to_peak, WIDEST_GAP * s.peak_to_peak),
+        linear("gap", GAP_SCALE * s.peak_to_peak, LEAST_GAP * s.peak_to_peak, _widest_gap(s)),
     ),
     starts=lambda s: tuple((x * s.peak_to_peak,) for x in GAPS),
-    remote=SLOWED_BY_BACKLASH,
+    remote=lambda _: SLOWED_BY_BACKLASH,
     grid=Grid(
         sizes=_gap,
         alone=tuple({"backlash.gap": x} for x in GRID_GAPS),

@@ -226,7 +226,7 @@ def sentence(name: str, effects: Effects) -> str:
 
 def remote(start: Values) -> bool:
     """Whether a start is far from the parent's own plant."""
-    return not {"*K_L", "*zeta", "K_L", "zeta"}.isdisjoint(start)
+    return not {"*K_L", "*omega_n", "*zeta", "K_L", "zeta"}.isdisjoint(start)
 
 
 def bare(names: Collection[str]) -> bool:

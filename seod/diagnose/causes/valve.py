@@ -168,7 +168,7 @@ VALVE_LAG: Final = Cause(
     says="The valve's spool follows its command as a first-order lag.",
     coordinates=lambda s: (linear("time", 1.0 / s.omega_n, shortest_lag(s), longest(s)),),
     starts=lag_starts(0.1, 0.5),
-    remote=SLOW_LAG,
+    remote=lambda _: SLOW_LAG,
     alike=same_time("valve_lag", "sensor_lag", "transport_delay"),
     delays=True,
 )

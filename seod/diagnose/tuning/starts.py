@@ -12,7 +12,7 @@ import numpy as np
 class Baseline:
     """The grid from which Eq. 1 is fitted."""
 
-    dampings: tuple[float, ...] = (0.1, 0.4, 1.2, 5.0)
+    dampings: tuple[float, ...] = (0.02, 0.1, 0.4, 1.2, 5.0)
     """[-] zeta. Chosen."""
     frequencies: int = 14
     """[-] Frequencies of it. Chosen."""
