@@ -41,8 +41,8 @@ plant's own, where it splits its resonance; chosen."""
 
 
 HEAVY_BELOW: Final = ((0.7, 1.0, 0.28), (0.5, 3.0, 0.15), (0.5, 3.0, 0.3))
-"""Factor on omega_n, inertia, and frequency over the baseline's omega_n, where a baseline took the higher of
-both resonances for the plant's own, which lies at sqrt(1 + inertia) of it: a heavy one behind a soft shaft."""
+"""Factor on omega_n, inertia, and frequency over the baseline's omega_n, of a heavy one behind a soft shaft:
+the baseline took the higher resonance for the plant's own, sqrt(1 + inertia) times as high; chosen."""
 
 
 def null_for(load: Callable[[Values], float]) -> Alike:
@@ -81,7 +81,11 @@ def _resonance(s: Scales) -> tuple[Coordinate, ...]:
 
 def _heavy_below(s: Scales) -> tuple[Values, ...]:
     return tuple(
-        {"*omega_n": factor, "load_resonance.inertia": inertia, "load_resonance.omega": x * s.omega_n}
+        {
+            "*omega_n": factor,
+            "load_resonance.inertia": inertia,
+            "load_resonance.omega": max(x * s.omega_n, SLOWEST_RESONANCE),
+        }
         for factor, inertia, x in HEAVY_BELOW
     )
 

@@ -218,6 +218,14 @@ VALVE_DEADBAND: Final = Cause(
     hidden=Hidden(
         _shown("valve_deadband.half_width", SHOWN_HALF_WIDTH), "a tenth of the command as half width"
     ),
+    alike=(
+        Alike(
+            "coulomb_friction",
+            lambda v, _: {
+                "coulomb_friction.level": abs(v["valve_deadband.half_width"] / null_of_load(v)),
+            },
+        ),
+    ),
 )
 VALVE: Final = (
     TRANSPORT_DELAY,

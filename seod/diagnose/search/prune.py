@@ -73,6 +73,7 @@ def alike(fitted: Fitted, name: str, screen: Screen) -> list[Fitted]:
         for other in CAUSES[name].alike
         if (model.scales.two_commands or not other.two_commands_only)
         and (not other.distinguished_by or not other.distinguished_by.isdisjoint(model.names))
+        and not (model.scales.two_commands and CAUSES[other.name].hidden)
     }
     return _in_place_of(name, others, fitted, screen)
 
