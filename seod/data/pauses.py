@@ -47,11 +47,17 @@ def between_pauses(every: Sequence[Recording], fewest: int) -> tuple[list[Record
 
 
 def _parts(one: Recording) -> list[Recording]:
-    """Between all that is longer than a pause has to be."""
+    """Between all that is longer than a pause has to be: of times, or of rows that were left out.
+
+    Where a clock was set back the rows until it has caught up are left out, and those after them were not
+    recorded when they say.
+    """
     intervals = np.diff(one.t)
     if not len(intervals):
         return [one]
-    pauses = np.flatnonzero(intervals > INTERVALS * np.median(intervals)) + 1
+    left_out = np.diff(one.rows)
+    long = (intervals > INTERVALS * np.median(intervals)) | (left_out > INTERVALS * np.median(left_out))
+    pauses = np.flatnonzero(long) + 1
     return [_rows(one, first, last) for first, last in pairwise([0, *pauses.tolist(), len(one.t)])]
 
 
@@ -67,11 +73,21 @@ def _tells(part: Recording, fewest: int) -> bool:
 
 
 def _sentence(one: Recording, parts: Sequence[Recording], usable: Sequence[Recording]) -> str:
-    longest = max(after.t[0] - before.t[-1] for before, after in pairwise(parts))
+    steps = [float(after.t[0] - before.t[-1]) for before, after in pairwise(parts)]
+    usual = float(np.median(np.diff(one.t)))
+    set_back = sum(step <= INTERVALS * usual for step in steps)  # its rows were left out, not its times
     lost = len(one.t) - sum(len(part.t) for part in usable)
-    times = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
+    breaks = []
+    if len(steps) > set_back:
+        breaks.append(f"pauses {_times(len(steps) - set_back)}, {max(steps):.3g} s at the longest")
+    if set_back:
+        breaks.append(f"leaves out more than {INTERVALS:g} rows {_times(set_back)}, as of a clock set back")
     text = (
-        f"{one.paths[0]}: pauses {times}, {longest:.3g} s at the longest; what it has between "
+        f"{one.paths[0]}: {' and '.join(breaks)}; what it has between "
         f"is taken as {len(usable)} recording{'s' if len(usable) > 1 else ''}"
     )
     return text + (f", without {lost} rows in parts that are too short or do not move" if lost else "")
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -241,9 +241,7 @@ def _by_predictions(
 
 
 def _per_holdout(reported: Fitted, seen: int, unseen: Cut, setup: SearchSetup) -> tuple[Fitted | None, ...]:
-    """The set fitted to each recording after the first `seen` alone: whether sizes repeat."""
-    if not reported.model.names:
-        return ()
+    """The set fitted to each recording after the first `seen` alone: whether plant and sizes repeat."""
     every = [Cut([one], all_windows([one])) for one in unseen.series[seen:]]
     return tuple(
         fitted_to_all_rows(reported, one, setup.parallel, setup.budget.last_fit()) if one.windows else None

@@ -141,7 +141,10 @@ def _diagnose(
     progress("comparing", 0.9)
     answer = answered(findings, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
-    remarks = gain_remarks(str(recordings[0].paths[0]), told_gain(answer, rig.effects), rig.K_L)
+    gain = (
+        told_gain(answer, rig.effects) if answer.grade != "useless" else None
+    )  # of no plant it says nothing
+    remarks = gain_remarks(str(recordings[0].paths[0]), gain, rig.K_L)
     remarks += lead_remarks(findings.chosen.reported) if timed is None else [timed.sentence]
     fitted = start.to_fit.series
     remarks += [EXCHANGED] if in_others else []

@@ -18,7 +18,7 @@ ZERO = 0.1
 """Of the sensor, in the movement's standard deviation."""
 
 
-def speeds(seed, zero, name):
+def speeds(seed, zero, name, omega_n=OMEGA_N):
     """The speed of a linear plant under a multisine, with noise, read by a sensor with this zero."""
     rng = np.random.default_rng(seed)
     t = np.arange(6000) / RATE
@@ -27,7 +27,7 @@ def speeds(seed, zero, name):
         sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(lines, rng.uniform(0, 6, len(lines)), strict=True))
         / 4
     )
-    plant = [GAIN * OMEGA_N**2], [1.0, 2.0 * ZETA * OMEGA_N, OMEGA_N**2]
+    plant = [GAIN * omega_n**2], [1.0, 2.0 * ZETA * omega_n, omega_n**2]
     y = lsim(plant, u, t, interp=False)[1]
     y = y + np.std(y) * (zero + 0.01 * rng.standard_normal(len(t)))
     rows = np.arange(1, len(t) + 1)
@@ -53,7 +53,7 @@ def test_an_offset_that_both_recordings_have_is_named(fitted):
     low, high = again["acceleration"].ci95
     assert low < size.ci95[1]
     assert size.ci95[0] < high
-    assert not any("does not repeat" in told for told in d.remarks)
+    assert not any("does not repeat" in told or "another rig" in told for told in d.remarks)
 
 
 def test_an_offset_of_the_fitted_recording_alone_keeps_its_name_and_is_told_not_to_carry_over(fitted):
@@ -70,3 +70,13 @@ def test_an_offset_of_the_fitted_recording_alone_keeps_its_name_and_is_told_not_
     assert "load_bias" in d.extended.effects
     assert any(told.startswith("load_bias does not carry over") for told in d.remarks)
     assert any("the zero of sensor or loop is another one" in told for told in d.remarks)
+
+
+def test_another_state_of_the_rig_is_told_by_its_plant():
+    """A heavier load had been called gusts: what it errs by is no noise."""
+    d = asked(speeds(1, 0.0, "fitted.csv"), speeds(2, 0.0, "heavier.csv", 0.8 * OMEGA_N))
+    (told,) = [each for each in d.remarks if "another rig, or another state" in each]
+    there = float(told.removeprefix("held-out recording 1: fitted to it alone omega_n is ").split()[0])
+    assert there == pytest.approx(0.8 * OMEGA_N, rel=0.002)
+    assert "K_L" not in told
+    assert "zeta" not in told

@@ -42,6 +42,19 @@ def test_its_parts_are_recordings_with_all_their_columns(seconds):
     assert "2 recordings" in said[0]
 
 
+def test_where_rows_were_left_out_a_clock_was_set_back():
+    """Times go on as if nothing were missing: a friction was not found, and K_L was wrong by a quarter."""
+    one = moving()
+    one = replace(one, rows=np.r_[np.arange(900), 1900 + np.arange(1100)])
+    parts, said = between_pauses([one], 200)
+    assert [len(part.t) for part in parts] == [900, 1100]
+    assert "leaves out more than 100 rows once, as of a clock set back" in said[0]
+    both = replace(with_pauses(one, (1500, 3.0)))
+    parts, said = between_pauses([both], 200)
+    assert [len(part.t) for part in parts] == [900, 600, 500]
+    assert "pauses once, 3" in said[0]
+
+
 def test_lost_samples_and_steady_rows_are_no_pause():
     steady, lost = moving(), with_pauses(moving(), (900, 0.09))
     assert between_pauses([steady, lost], 200) == ([steady, lost], ())

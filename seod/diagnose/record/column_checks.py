@@ -103,9 +103,11 @@ def different_units(recordings: Sequence[Recording]) -> str:
     return ""
 
 
-def gain_remarks(name: str, K_L: float, expected: float | None = None) -> list[str]:
+def gain_remarks(name: str, K_L: float | None, expected: float | None = None) -> list[str]:
     """What a fitted gain [unit/s/V] says about sign and unit; `expected`: the rig file's."""
-    remarks = []
+    remarks: list[str] = []
+    if K_L is None:
+        return remarks
     if K_L < 0.0 and not (expected and expected < 0.0):
         remarks.append(f"{name}: the fitted K_L is negative: the sign of u or of y is turned round")
     if expected:

@@ -16,6 +16,11 @@ class Answer:
     """[-] Part of the samples that are. Chosen."""
     mostly_constant: float = 0.5
     """[-] Part of a run's squared error that is one offset, from which on that is said. Chosen."""
+    other_plant: float = 0.02
+    """[-] Part by which K_L, omega_n or zeta of a held-out recording differs, from which on that is said.
+    Chosen: less matters to no controller."""
+    other_plant_sds: float = 4.0
+    """[sd] Of both together that it differs by, at least. Chosen: runs of one rig differ by two or three."""
 
 
 ANSWER: Final = Answer()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from seod.diagnose.causes.table import OFFSET_DRIFT_PLACE
-from seod.diagnose.fitting.uncertainty import at_limits
+from seod.diagnose.fitting.uncertainty import at_limits, base_sd, covariance
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.search.final_choice import above_noise
 from seod.diagnose.tuning.search import PRUNE
@@ -60,6 +61,11 @@ STAYS_BEHIND: Final = (
 OTHER_SIZE: Final = (
     "held-out recording {k}: {place} fitted to it is {there}, and was {here}: its size does not repeat"
 )
+OTHER_PLANT: Final = (
+    "held-out recording {k}: fitted to it alone {numbers}. That is another rig, or another state of it "
+    "(supply pressure, oil, load): what it errs by is no noise"
+)
+UNITS: Final = {"K_L": "unit/s/V", "omega_n": "rad/s", "zeta": ""}
 
 
 def remarks(
@@ -85,6 +91,7 @@ def remarks(
         *_drifts(chosen),
         *other_zeros(every, whole, seen),
         *(left_behind(effects, plain) if len(every) > seen else ()),
+        *other_plants(chosen),
         *other_sizes(effects),
         *(SWEPT.format(name=each.name) for each in effects if _swept(each, chosen.held)),
     ]
@@ -117,6 +124,29 @@ def other_sizes(effects: Sequence[FoundEffect]) -> list[str]:
                 if here.ci95[1] < there.ci95[0] or there.ci95[1] < here.ci95[0]:
                     place = f"{effect.name}.{name}"
                     said.append(OTHER_SIZE.format(k=k, place=place, there=_size(there), here=_size(here)))
+    return said
+
+
+def other_plants(chosen: Chosen) -> list[str]:
+    """Of held-out recordings whose own plant is another one."""
+    own, said = chosen.reported, []
+    values, sds = own.model.values(own.x), base_sd(own, covariance(own))
+    for k, one in enumerate(chosen.per_holdout, 1):
+        if one is None:
+            continue
+        there, there_sds = one.model.values(one.x), base_sd(one, covariance(one))
+        unknown = {*at_limits(own), *at_limits(one)}
+        numbers = [
+            f"{name} is {with_sd(there[name], 2.0 * there_sds[name])}, and was "
+            f"{with_sd(values[name], 2.0 * sds[name])} {UNITS[name]}".strip()
+            for name in UNITS
+            if name not in unknown
+            and abs(there[name] - values[name]) > ANSWER.other_plant * abs(values[name])
+            and abs(there[name] - values[name])
+            > ANSWER.other_plant_sds * math.hypot(sds[name], there_sds[name])
+        ]
+        if numbers:
+            said.append(OTHER_PLANT.format(k=k, numbers=", ".join(numbers)))
     return said
 
 
