@@ -11,6 +11,7 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.halves import noise_is_larger, one_sided
+from seod.diagnose.causes.table import SOLVED
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import wholes
 from seod.diagnose.fitting.judged import Judged
@@ -91,6 +92,8 @@ def answered(
     if rare:
         rest = relevant(rest, max(held.nrmse, best.nrmse), relevance)
         rare = rare if rest.fraction > 0.0 else ()
+    elif _saved_alone(findings):
+        rest = relevant(rest, held.nrmse, relevance)
     elif held.adequacy >= HELD_OUT.adequate:
         rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(findings.effects))
     defects = record_effects(checked, held, best)
@@ -211,6 +214,18 @@ def _verdict(effects: Sequence[FoundEffect], rest: Unexplained) -> Verdict:
     if rest.fraction > 0.0:
         return "unexplained"
     return "effects" if effects else "clean"
+
+
+def _saved_alone(findings: Findings) -> bool:
+    """Whether nothing is named though one cause, other than a load, saved much where it was fitted.
+
+    No noise does that, and a past that foretells all of it does not make it one.
+    """
+    return (
+        not findings.effects
+        and findings.chosen.held.adequacy >= HELD_OUT.adequate
+        and any(each.gain > ANSWER.saved_alone and each.name not in SOLVED for each in _candidates(findings))
+    )
 
 
 def _windows(findings: Findings, base: HeldOut, best: HeldOut) -> list[Window]:
