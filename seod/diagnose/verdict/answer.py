@@ -11,7 +11,7 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.halves import noise_is_larger, one_sided
-from seod.diagnose.causes.table import SOLVED
+from seod.diagnose.causes.table import CAUSES, SOLVED
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import wholes
 from seod.diagnose.fitting.judged import Judged
@@ -217,9 +217,10 @@ def _verdict(effects: Sequence[FoundEffect], rest: Unexplained) -> Verdict:
 
 
 def _saved_alone(findings: Findings) -> bool:
-    """Whether nothing is named though one cause, other than a load, saved much where it was fitted.
+    """Whether nothing is named though one cause, no load and no wave, saved much where it was fitted.
 
-    No noise does that, and a past that foretells all of it does not make it one.
+    No noise does that, and a past that foretells all of it does not make it one. A plant that oscillates
+    makes nearly a wave of noise, and of a position any noise that acts on the load nearly an offset.
     """
     return (
         not findings.effects
