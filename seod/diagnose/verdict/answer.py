@@ -222,11 +222,12 @@ def _saved_alone(findings: Findings) -> bool:
     No noise does that, and a past that foretells all of it does not make it one. A plant that oscillates
     makes nearly a wave of noise, and of a position any noise that acts on the load nearly an offset.
     """
-    return (
-        not findings.effects
-        and findings.chosen.held.adequacy >= HELD_OUT.adequate
-        and any(each.gain > ANSWER.saved_alone and each.name not in SOLVED for each in _candidates(findings))
-    )
+    if findings.effects or findings.chosen.held.adequacy < HELD_OUT.adequate:
+        return False
+    neither = [
+        each for each in _candidates(findings) if each.name not in SOLVED and CAUSES[each.name].wave is None
+    ]
+    return any(each.gain > ANSWER.saved_alone for each in neither)
 
 
 def _windows(findings: Findings, base: HeldOut, best: HeldOut) -> list[Window]:
