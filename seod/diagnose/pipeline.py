@@ -141,9 +141,8 @@ def _diagnose(
     progress("comparing", 0.9)
     answer = answered(findings, start.to_fit, unseen, checked, output, asked.relevance)
     answer = replace(answer, baseline=replace(answer.baseline, common=common))
-    gain = (
-        told_gain(answer, rig.effects) if answer.grade != "useless" else None
-    )  # of no plant it says nothing
+    no_plant = answer.grade == "useless"  # its gain says nothing
+    gain = None if no_plant else told_gain(answer, rig.effects)
     remarks = gain_remarks(str(recordings[0].paths[0]), gain, rig.K_L)
     remarks += lead_remarks(findings.chosen.reported) if timed is None else [timed.sentence]
     fitted = start.to_fit.series

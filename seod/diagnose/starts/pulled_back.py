@@ -55,7 +55,7 @@ def pulled_back(cut: Cut) -> list[PulledBack]:
     """
     longest = max(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
     least = SEARCH_ROOTS.shortest_rows * max(one.tick for one in cut.series)
-    halvings = range(max(0, int(math.log2(longest / least))) + 1)
+    halvings = range(int(math.log2(max(longest / least, 1.0))) + 1)
     every = [_solved(segments(cut, longest / 2.0**n)) for n in halvings]
     return [one for one in every if one is not None]
 
