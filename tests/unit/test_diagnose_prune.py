@@ -26,6 +26,18 @@ def judged(cost, nrmse=0.5, held=None, whole=None, adequacy=1.0, sees_speed=Fals
 @pytest.fixture
 def no_chance(monkeypatch):
     monkeypatch.setattr(prune, "_gains_by_chance", lambda *_: False)
+    monkeypatch.setattr(prune, "is_at_null", lambda *_: False)
+
+
+@pytest.mark.usefixtures("no_chance")
+@pytest.mark.parametrize("at_null", [False, True])
+def test_a_size_at_its_least_is_none_whatever_it_saves(monkeypatch, at_null):
+    """A second inertia of a thousandth and hardly any damping is a line of the mains."""
+    monkeypatch.setattr(prune, "covariance", lambda _: None)
+    monkeypatch.setattr(prune, "_may_be_none", lambda *_: True)
+    monkeypatch.setattr(prune, "is_at_null", lambda *_: at_null)
+    own, rest = judged(-3.0, 0.1), judged(-3.0 + 1.1 * PRUNE.surely)
+    assert (prune._unidentified(own, {"load_resonance": rest}, 1.0, SCREEN) == [rest]) is at_null
 
 
 @pytest.mark.usefixtures("no_chance")

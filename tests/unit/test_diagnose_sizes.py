@@ -8,7 +8,7 @@ from account_truth import fitted_lag
 
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.least_squares import fit
-from seod.diagnose.fitting.uncertainty import at_limits, covariance, p_value, reaches_null
+from seod.diagnose.fitting.uncertainty import at_limits, covariance, is_at_null, p_value, reaches_null
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +30,11 @@ def test_a_size_that_may_be_none_is_no_cause(lagging):
     at_none = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[0], lagging.x))
     assert reaches_null(at_none, "valve_lag", spread, 1)
     assert at_limits(at_none) == []
+    assert is_at_null(at_none, "valve_lag")
+    assert not is_at_null(lagging, "valve_lag")
     far = replace(lagging, x=np.where(np.arange(4) == k, lagging.model.bounds[1], lagging.x))
     assert not reaches_null(far, "valve_lag", spread, 1)
+    assert not is_at_null(far, "valve_lag")
     assert at_limits(far) == ["valve_lag.time"]
     low, high = lagging.model.bounds
     near = replace(far, x=far.x - 1e-5 * np.where(np.arange(4) == k, high - low, 0.0))

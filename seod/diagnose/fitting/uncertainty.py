@@ -142,11 +142,21 @@ def reaches_null(fitted: Fitted, name: str, spread: Array, tried: int = 1) -> bo
     An effect's first parameter is its size, but of one that has several sizes. Wide enough that of `tried`
     causes that do nothing one in twenty searches finds one beyond it (Bonferroni).
     """
-    effect = EFFECTS[name]
-    sizes = [p for p in effect.parameters if p.name in effect.sizes] or effect.parameters[:1]
-    values = grouped(fitted.model.values(fitted.x))[name]
     reach = float(norm.isf((1.0 - UNCERTAINTY.upper_end) / tried))
-    return all(_near_null(fitted, name, each, spread, reach) for each in sizes if each.name in values)
+    return all(_near_null(fitted, name, each, spread, reach) for each in _sizes(fitted, name))
+
+
+def is_at_null(fitted: Fitted, name: str) -> bool:
+    """Whether an effect's size is at the end of its range where it does nothing, or as good as nothing."""
+    at, sizes = _limits(fitted), _sizes(fitted, name)
+    return bool(sizes) and all((f"{name}.{each.name}", each.null) in at for each in sizes)
+
+
+def _sizes(fitted: Fitted, name: str) -> list[EffectParameter]:
+    """Of an effect's parameters those that were searched and are its size."""
+    effect, values = EFFECTS[name], grouped(fitted.model.values(fitted.x))[name]
+    sizes = [p for p in effect.parameters if p.name in effect.sizes] or effect.parameters[:1]
+    return [each for each in sizes if each.name in values]
 
 
 def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Array, sds: float) -> bool:

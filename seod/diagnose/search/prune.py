@@ -10,7 +10,7 @@ from seod.diagnose.fitting.beside import part_beside_slow_offset
 from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.judged import Judged, gain, loses_its_place, mean_gain
 from seod.diagnose.fitting.least_squares import Fitted, fit
-from seod.diagnose.fitting.uncertainty import covariance, may_be_chance, reaches_null
+from seod.diagnose.fitting.uncertainty import covariance, is_at_null, may_be_chance, reaches_null
 from seod.diagnose.search.beam import as_well
 from seod.diagnose.search.refine import refined
 from seod.diagnose.tuning.fitting import HELD_OUT
@@ -159,6 +159,7 @@ def _unidentified(own: Judged, rest: Mapping[str, Judged], above: float, screen:
         for name, one in rest.items()
         if _has_no_share(own, one, above)
         or (_may_be_none(own, name, spread) and not _much(one, own))
+        or (EFFECTS[name].cause and is_at_null(own.found, name))
         or _gains_by_chance(own, name, one)
         or (not loses_its_place(own.found.model, name) and _in_windows_alone(own, one))
         or _moves_as_slowly_as_an_offset(own, one, screen)
