@@ -42,6 +42,10 @@ MOST_VISIBLE, MOST_DOMINANT = 10.0, 50.0
 """What an effect leaves of the best plant of Eq. 1, over the least that is fair, at most; then and since."""
 STIFFEST = 6.0
 """Since then, of a spring over that of the oil, at most."""
+RUBS_SINCE = 136000
+"""From this number on a part of the damping is viscous friction, where a cause is hidden that shows it."""
+SHOW_RUBBING = {"coulomb_friction", "stribeck_friction", BRISTLES, "load_resonance", "square_root_flow"}
+"""Causes that do; beside a measured disturbance, too."""
 A_TURN_SINCE = 132020
 """From this number on an eccentric encoder that is hidden as a curve turns no more than `MOST_TURNS`."""
 MOST_TURNS = 1.25
@@ -134,6 +138,7 @@ def draw(
         case = _bare(number, hides, chosen, excitation, sees_speed, noise_part, random)
         case = case if duration is None else replace(case, duration=duration)
         case = case if number < ROWS_SINCE else _in_rows(case)
+        case = case if number < RUBS_SINCE else _rubbing(case)
         try:
             return _strong(case, random)
         except Invisible:
@@ -149,6 +154,15 @@ def _in_rows(case: Case) -> Case:
     rows = math.exp(np.random.default_rng([case.number, 14]).uniform(*spread))
     tick = 1.0 / (rows * case.rig.omega_n)
     return replace(case, tick=tick, duration=min(case.duration, LONGEST_ROWS * tick))
+
+
+def _rubbing(case: Case) -> Case:
+    """With damping by leakage, by viscous friction, or by both: one as likely as the other."""
+    if not {*SHOW_RUBBING, "measured_disturbance"}.intersection(case.causes):
+        return case
+    random = np.random.default_rng([case.number, 15])
+    share = float(random.choice([0.0, 1.0, random.uniform()]))
+    return replace(case, rig=replace(case.rig, rubs=share))
 
 
 def known(number: int) -> tuple[str, ...]:

@@ -38,6 +38,7 @@ DEFAULTS = {
     "overlap": 0.0,
     "unequal": 0.0,
     "air": 0.0,
+    "rubbing": 0.0,  # torque for each speed [N m s]
     "weight": 0.0,  # constant torque [N m]
     "heavier": 0.0,  # by which it grows with time [N m/s]
     "spring": 0.0,  # [N m/rad]
@@ -129,6 +130,7 @@ def load_torque(p, t, w, gust):
         + p.spring * (y - p.centre)
         + p.hardening * y * y * y
         + p.drag * w[SPEED] * abs(w[SPEED])
+        + p.rubbing * (1.0 + p.drift_zeta * t) * (1.0 + p.drift_omega * t) * w[SPEED]
     )
     if p.ripple != 0.0:
         torque -= p.ripple * math.sin(p.ripple_omega * t + p.ripple_phase)

@@ -121,6 +121,7 @@ class Rig:
         sees_speed: The sensor measures speed.
         displacement: Of the actuator [m^3/rad].
         inertia: Of the load [kg m^2].
+        rubs: Part of the damping that is friction in proportion to the speed; the rest leaks.
     """
 
     K_L: float
@@ -130,13 +131,16 @@ class Rig:
     sees_speed: bool = False
     displacement: float = 2e-5
     inertia: float = 0.03
+    rubs: float = 0.0
 
     def physical(self) -> np.ndarray:
         values = dict(DEFAULTS)
         d, j = self.displacement, self.inertia
         values["displacement"], values["inertia"] = d, j
         values["compliance"] = d * d / (j * self.omega_n**2)
-        values["leakage"] = 2.0 * self.zeta * self.omega_n * values["compliance"]
+        damping = 2.0 * self.zeta * self.omega_n
+        values["leakage"] = (1.0 - self.rubs) * damping * values["compliance"]
+        values["rubbing"] = self.rubs * damping * j
         values["valve"] = self.K_L * d
         values["sees_speed"] = float(self.sees_speed)
         for table, scale in ((VALVE, 1.0), (TORQUES, j), (ANGLES, 1.0)):
