@@ -219,7 +219,8 @@ static void rates(const Plant *p, const State *s, const double *z, double t, dou
       p->omega_n * drifted(p->parameter_drift_omega_n, p->parameter_drift_omega_n_thermal, since, warmth);
   const double zeta = p->zeta * drifted(p->parameter_drift_zeta, p->parameter_drift_zeta_thermal, since, warmth);
   const double speed = flow(p, s, opened, z[PRESSURE], gain);
-  d[PRESSURE] = stiffness(p, s) * (omega * omega * (speed - z[VELOCITY]) - 2.0 * zeta * omega * z[PRESSURE]);
+  const double rubs = p->viscous_friction_share * 2.0 * zeta * omega, leaks = 2.0 * zeta * omega - rubs;
+  d[PRESSURE] = stiffness(p, s) * (omega * omega * (speed - z[VELOCITY]) - leaks * z[PRESSURE]);
 
   const double ratio = p->load_resonance_inertia;
   const double coupled = ratio > 0.0 ? coupling(p, z[VELOCITY], z) : 0.0;
@@ -234,7 +235,7 @@ static void rates(const Plant *p, const State *s, const double *z, double t, dou
   }
   d[VELOCITY] = 0.0;
   if (s->motion != 0.0 && s->stopped == 0.0)
-    d[VELOCITY] = (1.0 + ratio) * (drive(p, s, t, z[PRESSURE], z[POSITION], coupled) - friction);
+    d[VELOCITY] = (1.0 + ratio) * (drive(p, s, t, z[PRESSURE], z[POSITION], coupled) - rubs * z[VELOCITY] - friction);
   d[POSITION] = z[VELOCITY];
   d[VELOCITY2] = ratio == 0.0 ? d[VELOCITY] : coupled;
   d[POSITION2] = ratio == 0.0 ? z[VELOCITY] : z[VELOCITY2];

@@ -228,6 +228,14 @@ _ALL = (
         "For speeds far above `speed` nothing.",
     ),
     Effect(
+        "viscous_friction",
+        "load",
+        "Damping by friction in proportion to the speed (seals, bearings, a motor) in place of leakage.",
+        (Parameter("share", "1", 0.0, 0.0, 1.0, "of the damping 2 zeta omega_n; the rest is leakage"),),
+        "Without dry friction, loads and orifices nothing: Eq. 1 has either damping, or both.",
+        cause=False,
+    ),
+    Effect(
         "lugre_friction",
         "load",
         "Bristles in place of sticking (LuGre): the levels are those of Coulomb and Stribeck friction.",

@@ -1,10 +1,10 @@
 """Steps without any integration error, for plants that are linear from one event to the next, or for a while.
 
-Oil and load, da/dt = omega_n^2 (q - v) - 2 zeta omega_n a and dv/dt = a + b, have a solution in closed form
-where the flow q is constant or fades towards a constant, and the load's further acceleration b is constant or
-swings. `sim.parameters.linear_at_times` tells which plants these are. All that a step changes is written as
-a change: what rounding does to it vanishes with its length, as a relay without hysteresis that begins at its
-threshold needs it.
+Oil and load, da/dt = omega_n^2 (q - v) - l a and dv/dt = a + b - r v, with l + r = 2 zeta omega_n of leakage
+and viscous friction, have a solution in closed form where the flow q is constant or fades towards a constant,
+and the load's further acceleration b is constant or swings. `sim.parameters.linear_at_times` tells which
+plants these are. All that a step changes is written as a change: what rounding does to it vanishes with its
+length, as a relay without hysteresis that begins at its threshold needs it.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, .
     """
     pressure, velocity, position, velocity2, position2, bristle, lagged = z
     flow = p.K_L * physics.opening(p, s.target)
-    square, leaks = p.omega_n * p.omega_n, 2.0 * p.zeta * p.omega_n
+    leaks, rubs, square = damped(p)
     if s.motion == 0.0 or s.stopped != 0.0:
-        settles = -math.expm1(-leaks * h)
-        after = pressure + (square * flow / leaks - pressure) * settles
+        rises = p.omega_n * p.omega_n * flow - leaks * pressure
+        after = pressure + rises * (-math.expm1(-leaks * h) / leaks if leaks > 0.0 else h)
         return after, velocity, position, velocity2, position2, bristle, lagged
 
     push = physics.steady_drive(p, s, s.t, 0.0, position) - s.motion * physics.friction_level(p, velocity)
@@ -87,12 +87,22 @@ def step(p: Record, s: Record, z: tuple[float, ...], h: float) -> tuple[float, .
     if p.periodic_disturbance_amplitude != 0.0 or p.valve_lag_time > 0.0:
         driven = _driven(p, s, flow, h)
     apart = velocity - driven[1]
-    pull = pressure - driven[0] + push
-    off = square * (apart - flow) - leaks * push
-    faster = answer * pull - area * off + driven[3]
+    pull = pressure - driven[0] + push - rubs * apart
+    off = square * apart - p.omega_n * p.omega_n * flow - leaks * push
+    faster = answer * pull - area * off
     goes = apart * h + area * pull - volume * off + driven[4]
-    after = pressure - (square * area + leaks * answer) * pull - answer * off + driven[2]
+    after = pressure - (square * area + (leaks + rubs) * answer) * pull - answer * off
+    after += rubs * faster + driven[2]
+    faster += driven[3]
     return after, velocity + faster, position + goes, velocity2 + faster, position2 + goes, bristle, lagged
+
+
+@compiled
+def damped(p: Record) -> tuple[float, float, float]:
+    """Leakage and viscous friction [1/s], and the frequency squared [rad^2/s^2] of both together."""
+    damping = 2.0 * p.zeta * p.omega_n
+    rubs = p.viscous_friction_share * damping
+    return damping - rubs, rubs, p.omega_n * p.omega_n + (damping - rubs) * rubs
 
 
 @compiled
@@ -116,12 +126,12 @@ def _driven(p: Record, s: Record, flow: float, h: float) -> tuple[float, float, 
 def _swing(p: Record, s: Record, h: float) -> tuple[float, float, float, float, float]:
     """`_driven` by a disturbance of amplitude A at omega w.
 
-    v = A (2 zeta omega_n + j w) / (omega_n^2 - w^2 + 2 j zeta omega_n w), its integral, and a = j w v - A:
-    imaginary parts of these times exp(j angle).
+    v = A (l + j w) / (omega_n^2 + l r - w^2 + j (l + r) w), its integral, and a = (j w + r) v - A: imaginary
+    parts of these times exp(j angle).
     """
     w, amplitude = p.periodic_disturbance_omega, p.periodic_disturbance_amplitude
-    leaks = 2.0 * p.zeta * p.omega_n
-    below, lost = p.omega_n * p.omega_n - w * w, leaks * w
+    leaks, rubs, square = damped(p)
+    below, lost = square - w * w, (leaks + rubs) * w
     each = amplitude / (below * below + lost * lost)
     along, ahead = each * (leaks * below + w * lost), each * (w * below - leaks * lost)
     half = 0.5 * w * h
@@ -129,7 +139,7 @@ def _swing(p: Record, s: Record, h: float) -> tuple[float, float, float, float, 
     sine, cosine, odd, even = math.sin(middle), math.cos(middle), math.sin(half), math.cos(half)
     begins, level = sine * even - cosine * odd, cosine * even + sine * odd
     rises, falls = 2.0 * odd * cosine, -2.0 * odd * sine
-    pushed, held = -(w * ahead + amplitude), w * along
+    pushed, held = rubs * along - w * ahead - amplitude, rubs * ahead + w * along
     return (
         pushed * begins + held * level,
         along * begins + ahead * level,
@@ -144,14 +154,15 @@ def _fade(p: Record, s: Record, flow: float, h: float) -> tuple[float, float, fl
     """`_driven` by a flow that fades to `flow` [unit/s] by the spool's lag T.
 
     What it has too much, q, fades as exp(-t / T).
-    v = omega_n^2 q / (1 / T^2 - 2 zeta omega_n / T + omega_n^2), its integral, and a = -v / T.
+    v = omega_n^2 q / (1 / T^2 - (l + r) / T + omega_n^2 + l r), its integral, and a = (r - 1 / T) v.
     """
-    rate, square = 1.0 / p.valve_lag_time, p.omega_n * p.omega_n
+    leaks, rubs, square = damped(p)
+    rate = 1.0 / p.valve_lag_time
     excess = p.K_L * physics.opening(p, s.spool) - flow
-    velocity = square * excess / (rate * (rate - 2.0 * p.zeta * p.omega_n) + square)
+    velocity = p.omega_n * p.omega_n * excess / (rate * (rate - leaks - rubs) + square)
     gone = math.expm1(-rate * h)
     faster = velocity * gone
-    return -rate * velocity, velocity, -rate * faster, faster, -p.valve_lag_time * faster
+    return (rubs - rate) * velocity, velocity, (rubs - rate) * faster, faster, -p.valve_lag_time * faster
 
 
 @compiled
@@ -160,8 +171,9 @@ def _factors(p: Record, s: Record, h: float) -> tuple[float, float, float]:
 
     Rows that come in step, and a delay that cuts each of them in two, need no more.
     """
-    if p.omega_n != s.kept_omega_n or p.zeta != s.kept_zeta:
-        s.kept_omega_n, s.kept_zeta = p.omega_n, p.zeta
+    leaks, rubs, square = damped(p)
+    if square != s.kept_square or leaks + rubs != s.kept_damping:
+        s.kept_square, s.kept_damping = square, leaks + rubs
         s.kept_h, s.spare_h = 0.0, 0.0
     if abs(h - s.kept_h) <= SAME * h:
         return s.kept_answer, s.kept_area, s.kept_volume
@@ -174,7 +186,7 @@ def _factors(p: Record, s: Record, h: float) -> tuple[float, float, float]:
         s.kept_volume,
     )
     s.kept_h = h
-    s.kept_answer, s.kept_area, s.kept_volume = factors(p.omega_n * p.omega_n, p.zeta * p.omega_n, h)
+    s.kept_answer, s.kept_area, s.kept_volume = factors(square, 0.5 * (leaks + rubs), h)
     return s.kept_answer, s.kept_area, s.kept_volume
 
 

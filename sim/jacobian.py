@@ -80,6 +80,7 @@ def dynamics(c: Conditions, steady: Steady) -> Matrix:
         A[VELOCITY] = -inertia * _friction(c, steady) - p["load_resonance_inertia"] * coupling
         A[VELOCITY, PRESSURE] += inertia
         A[VELOCITY, POSITION] -= inertia * p["load_spring_stiffness"]
+        A[VELOCITY, VELOCITY] -= inertia * c.viscous()
     A[POSITION, VELOCITY] = A[POSITION2, VELOCITY2] = 1.0
     A[VELOCITY2] = coupling
     A[BRISTLE] = _bristle(c, steady)

@@ -172,9 +172,11 @@ def linear_at_times(p: Mapping[str, float]) -> bool:
 def _fades_apart(p: Mapping[str, float]) -> bool:
     """Whether a spool follows its command by a lag alone, at another rate than the plant's own."""
     rate, omega_n = 1.0 / p["valve_lag_time"], p["omega_n"]
-    apart = rate * (rate - 2.0 * p["zeta"] * omega_n) + omega_n * omega_n
+    damping, share = 2.0 * p["zeta"] * omega_n, p["viscous_friction_share"]
+    square = omega_n * omega_n + share * (1.0 - share) * damping * damping
+    apart = rate * (rate - damping) + square
     alone = p["spool_inertia_omega"] == INF and p["valve_rate_limit_rate"] == INF
-    return alone and abs(apart) > APART * (rate * rate + omega_n * omega_n)
+    return alone and abs(apart) > APART * (rate * rate + square)
 
 
 def is_linear(p: Mapping[str, float]) -> bool:

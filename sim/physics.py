@@ -209,7 +209,7 @@ def stiffness(p: Record, s: Record) -> float:
 
 @compiled
 def drive(p: Record, s: Record, t: float, pressure: float, position: float, coupled: float) -> float:
-    """Acceleration of the whole load by everything but dry friction [unit/s^2].
+    """Acceleration of the whole load by everything but friction [unit/s^2].
 
     Args:
         p: Parameters.
@@ -296,7 +296,9 @@ def rates(
     omega = p.omega_n * drifted(p.parameter_drift_omega_n, p.parameter_drift_omega_n_thermal, since, warmth)
     zeta = p.zeta * drifted(p.parameter_drift_zeta, p.parameter_drift_zeta_thermal, since, warmth)
     speed = flow(p, s, opened, pressure, gain)
-    d_pressure = stiffness(p, s) * (omega * omega * (speed - velocity) - 2.0 * zeta * omega * pressure)
+    rubs = p.viscous_friction_share * 2.0 * zeta * omega
+    leaks = 2.0 * zeta * omega - rubs
+    d_pressure = stiffness(p, s) * (omega * omega * (speed - velocity) - leaks * pressure)
 
     ratio = p.load_resonance_inertia
     coupled = coupling(p, velocity, position, velocity2, position2) if ratio > 0.0 else 0.0
@@ -309,7 +311,9 @@ def rates(
         friction = s.motion * friction_level(p, velocity)
     d_velocity, d_velocity2 = 0.0, coupled
     if s.motion != 0.0 and s.stopped == 0.0:
-        d_velocity = (1.0 + ratio) * (drive(p, s, t, pressure, position, coupled) - friction)
+        d_velocity = (1.0 + ratio) * (
+            drive(p, s, t, pressure, position, coupled) - rubs * velocity - friction
+        )
 
     d_lagged = 0.0
     if p.sensor_lag_time > 0.0:

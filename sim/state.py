@@ -41,8 +41,8 @@ STATE = np.dtype(
             "passed",  # 1: it did, and the integration ended there
             "reading",  # [unit, unit/s] the last that was taken, where the sensor holds it
             "taken",  # [s] when
-            "kept_omega_n",  # [rad/s] and the zeta of the plant that the following belong to (`sim.exact`)
-            "kept_zeta",
+            "kept_square",  # [rad^2/s^2] and damping [1/s] of the plant that these are of (`sim.exact`)
+            "kept_damping",
             "kept_h",  # [s] length of a step, and its factors
             "kept_answer",
             "kept_area",

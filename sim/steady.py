@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 LAMINAR = 1e-2
 """That of `sim.physics`."""
 
+TIGHT = 1e-9
+"""Part of the damping that leaks at least: of a load that is held the pressure then has an end."""
+
 MOST_HALVINGS = 2000
 """Until two neighbouring numbers are left, also near zero."""
 
@@ -51,8 +54,13 @@ class Conditions:
         return (1.0 + air) / (1.0 + air / self.supply**2)
 
     def leakage(self) -> float:
-        """Flow lost for each acceleration [s]: 2 zeta / omega_n."""
-        return 2.0 * self.drifted("zeta") / self.drifted("omega_n")
+        """Flow lost for each acceleration [s]: 2 zeta / omega_n, less what is viscous friction."""
+        leaks = max(1.0 - self.p["viscous_friction_share"], TIGHT)
+        return leaks * 2.0 * self.drifted("zeta") / self.drifted("omega_n")
+
+    def viscous(self) -> float:
+        """Deceleration by viscous friction for each speed [1/s]."""
+        return self.p["viscous_friction_share"] * 2.0 * self.drifted("zeta") * self.drifted("omega_n")
 
     def load(self) -> float:
         """Pressure that the load asks for without friction [unit/s^2]."""
@@ -124,7 +132,7 @@ def at_speed(c: Conditions, speed: float, direction: float) -> Steady:
         ValueError: The supply pressure cannot move the load.
     """
     direction = _sign(speed) if speed else direction
-    pressure = c.load() + direction * c.friction(speed)[0]
+    pressure = c.load() + direction * c.friction(speed)[0] + c.viscous() * speed
     flow = speed + c.leakage() * pressure
     side = _sign(flow or direction)
     slope = c.flow_slopes(0.0, side, pressure)[0]
@@ -155,7 +163,7 @@ def at_volts(c: Conditions, volts: float, direction: float) -> Steady:
         way = 0.0
     else:
         speed = _speed(c, opening, side, way)
-        pressure = c.load() + way * c.friction(speed)[0]
+        pressure = c.load() + way * c.friction(speed)[0] + c.viscous() * speed
     return _steady(
         c, Steady(volts, opening, side, pressure, speed, way, False, ()), opening == 0.0, direction
     )
@@ -217,7 +225,7 @@ def _speed(c: Conditions, opening: float, side: float, direction: float) -> floa
     """Speed [unit/s] at which pressure, load and friction are in balance."""
 
     def surplus(speed: float) -> float:
-        pressure = c.load() + direction * c.friction(speed)[0]
+        pressure = c.load() + direction * c.friction(speed)[0] + c.viscous() * speed
         return opening * c.flow_slopes(opening, side, pressure)[0] - c.leakage() * pressure - speed
 
     frictionless = opening * c.flow_slopes(opening, side, c.load())[0] - c.leakage() * c.load()

@@ -41,6 +41,7 @@ EFFECTS_ON = {
     "load_spring": {"stiffness": 2000.0, "centre": 0.1},
     "coulomb_friction": {"level": 400.0},
     "stribeck_friction": {"level": 300.0, "speed": 0.8},
+    "viscous_friction": {"share": 0.4},
     "lugre_friction": {"stiffness": 3e5, "damping": 200.0},
     "load_resonance": {"inertia": 0.3, "omega": 600.0, "zeta": 0.05},
     "periodic_disturbance": {"amplitude": 300.0, "omega": 250.0, "phase": 0.4},

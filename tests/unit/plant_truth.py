@@ -97,11 +97,13 @@ class Plant(Laws):
                 d[[SPOOL, SPOOL_SPEED]] = self.spool_matrix @ off
             if self.ramping:
                 d[SPOOL] = self.ramping * self.fastest
-            d[ACCELERATION] = stiffness * (omega**2 * (q - v) - 2.0 * zeta * omega * a)
+            rubbed = self.of("viscous_friction", "share")
+            d[ACCELERATION] = stiffness * (omega**2 * (q - v) - (1.0 - rubbed) * 2.0 * zeta * omega * a)
             d[PLACE] = v
             d[SPEED2], d[PLACE2] = self.coupling(w), w[SPEED2]
             if not self.held:
-                d[SPEED] = (1.0 + self.inertia) * (self.drive(t, w) - self.resistance(w, d))
+                rubs = rubbed * 2.0 * zeta * omega * v
+                d[SPEED] = (1.0 + self.inertia) * (self.drive(t, w) - rubs - self.resistance(w, d))
             d[LAGGED] = (self.unsigned(self.seen(w)) - w[LAGGED]) / sensor_lag if sensor_lag else 0.0
             return d
 

@@ -249,6 +249,8 @@ def test_a_sentence_tells_its_figure():
     parts |= {"knot_1": 1.0 / 3.0, "knot_2": 2.0 / 3.0}
     effects["static_valve_map"] = parts | {"range": 2.0}
     assert "up to 0.3 V more or less" in sentence("static_valve_map", effects)
+    effects["viscous_friction"] = {"share": 0.7}
+    assert "is 70 % of the damping" in sentence("viscous_friction", effects)
     assert "{" not in "".join(sentence(name, effects) for name in CAUSES)
 
 

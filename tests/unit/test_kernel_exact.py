@@ -152,7 +152,7 @@ def test_another_plant_goes_on_from_the_same_state_by_its_own_factors():
     s = new_state(first)
     follow(first, *steps(0.3), t, state=s)
     fresh = s.copy()
-    fresh["kept_omega_n"] = fresh["kept_zeta"] = 0.0
+    fresh["kept_square"] = fresh["kept_damping"] = 0.0
     s["t"] = s["origin"] = fresh["t"] = fresh["origin"] = 0.0
     y = follow(second, *steps(0.3, seed=2), t, state=s)[0]
     assert np.array_equal(y, follow(second, *steps(0.3, seed=2), t, state=fresh)[0])

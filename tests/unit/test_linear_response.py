@@ -86,6 +86,9 @@ CASES = {
     "coulomb_friction": Case({"coulomb_friction": {"level": 40.0}}, MOVING),
     "stribeck_friction": Case(FRICTION, MOVING, tolerance=1e-4),
     "stribeck_friction back": Case(FRICTION, {"volts": -0.3}, tolerance=1e-4),
+    "viscous_friction": Case(
+        {"viscous_friction": {"share": 0.6}, "load_bias": {"acceleration": 90.0}}, MOVING
+    ),
     "lugre_friction": Case(
         {**FRICTION, "lugre_friction": {"stiffness": 4e4, "damping": 30.0}}, MOVING, tolerance=1e-4
     ),

@@ -249,6 +249,10 @@ class Cause:
         within: Brings its parameters, among all effects of a model, to what can be simulated.
         plain: Simpler causes that it contains.
         alike: Causes that act like it.
+        shown_by: Causes of which one must be in the set: without any Eq. 1 has it in its numbers, and nothing
+            shows it. Empty: it shows alone.
+        twin: Its parameters, by place, at which Eq. 1 is the same as without it, its numbers unchanged:
+            causes are searched from there, too.
         elsewhere: Another place where it may act; None: there is one alone.
         delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
         pure_delay: Parameter by which it is a delay and nothing else; "" without one.
@@ -279,6 +283,8 @@ class Cause:
     within: Callable[[Effects, Scales], None] | None = None
     plain: tuple[Plain, ...] = ()
     alike: tuple[Alike, ...] = ()
+    shown_by: frozenset[str] = frozenset()
+    twin: Values | None = None
     elsewhere: Elsewhere | None = None
     delays: bool = False
     pure_delay: str = ""

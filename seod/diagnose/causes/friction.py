@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.cause import Alike, Cause, Coordinate, Cycle, Grid, Plain, sized
+from seod.diagnose.causes.cause import Alike, Cause, Coordinate, Cycle, Grid, Plain, linear, sized
 from seod.diagnose.causes.flow import null_of_load
 from sim.effects import STEEPEST as STEEPEST_SIMULATED
 from sim.effects import STIFFEST, stiffest_bristles
@@ -26,6 +26,13 @@ FALLING: Final = ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15))
 """Starts of friction that falls: its level likewise, and its speed over the typical one; chosen."""
 SLOWEST_FALL, QUICKEST_FALL = 0.05, 300.0
 """Speed at which friction has fallen, over the typical one, at least and at most: of more it never falls."""
+VISCOUS_STARTS: Final = ((1.0,), (0.5,))
+"""Part of the damping that is viscous friction: all of it, as in an electric drive, or half; chosen."""
+SHOW_VISCOUS_FRICTION: Final = frozenset(
+    {"coulomb_friction", "stribeck_friction", "load_resonance", "square_root_flow", "measured_disturbance"}
+)
+"""Causes beside which damping by the load is not damping by leakage: a spring or a constant load changes the
+numbers of Eq. 1 alone."""
 STEEPEST: Final = 1e-4
 """The same over the pressure [s], at least: steeper friction asks for many substeps."""
 SLOW_FALL: Final = 20.0
@@ -56,6 +63,8 @@ GRID_LEVELS: Final = (0.2, 0.4, 0.6, 0.75, 0.85, 0.93)
 """Friction in the relay's grid, over the pressure at which the load would stall: denser near it."""
 GRID_LEVELS_PAIRED: Final = (0.3, 0.6, 0.85)
 """The same beside another cause of the grid."""
+GRID_SHARE: Final = 0.9
+"""Of the damping that is viscous friction in the grid: from near all of it a fit finds the part; chosen."""
 FALLEN_SPEED: Final = 0.45
 """Of friction in the grid, the speed at which it has fallen: over the limit cycle's largest without it."""
 STEEPEST_FALL: Final = 1.001 / STEEPEST_SIMULATED
@@ -139,7 +148,10 @@ COULOMB_FRICTION: Final = Cause(
         sizes=lambda shares, _, cycle: {
             "coulomb_friction.level": shares["coulomb_friction.level"] * cycle.stalls
         },
-        alone=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS),
+        alone=(
+            *({"coulomb_friction.level": x} for x in GRID_LEVELS),
+            *({"coulomb_friction.level": x, "viscous_friction.share": GRID_SHARE} for x in GRID_LEVELS),
+        ),
         paired=tuple({"coulomb_friction.level": x} for x in GRID_LEVELS_PAIRED),
     ),
     alike=(
@@ -172,6 +184,17 @@ STRIBECK_FRICTION: Final = Cause(
         ),
     ),
 )
+VISCOUS_FRICTION: Final = Cause(
+    name="viscous_friction",
+    says="Friction in proportion to the load's speed (seals, a motor) is {figure} % of the damping, "
+    "leakage the rest.",
+    coordinates=lambda _: (linear("share", 1.0, 0.0, 1.0),),
+    starts=lambda _: VISCOUS_STARTS,
+    shown_by=SHOW_VISCOUS_FRICTION,
+    twin={"viscous_friction.share": 1.0},
+    grid=Grid(sizes=lambda shares, *_: {"viscous_friction.share": shares["viscous_friction.share"]}),
+    figure=lambda e: 100.0 * e["viscous_friction"]["share"],
+)
 LUGRE_FRICTION: Final = Cause(
     name="lugre_friction",
     says="The friction gives way by {figure} (unit of position) before it slides.",
@@ -195,4 +218,4 @@ LUGRE_FRICTION: Final = Cause(
     states=("loose",),
     figure=lambda e: e["coulomb_friction"]["level"] / e["lugre_friction"]["stiffness"],
 )
-FRICTION: Final = (COULOMB_FRICTION, STRIBECK_FRICTION, LUGRE_FRICTION)
+FRICTION: Final = (COULOMB_FRICTION, STRIBECK_FRICTION, VISCOUS_FRICTION, LUGRE_FRICTION)

@@ -59,6 +59,10 @@ PULLS, PULLS_PLACES = next(
     (name, (f"{name}.{one.pulls[0]}", f"{name}.{one.pulls[1]}")) for name, one in CAUSES.items() if one.pulls
 )
 """The cause that is an acceleration in proportion to the position, and its parameters."""
+TWINS: Final = {name: one.twin for name, one in CAUSES.items() if one.twin is not None}
+"""Causes with which a plant of Eq. 1 is the same as without, and their parameters there."""
+WHOLE_PARTS: Final = frozenset(place for twin in TWINS.values() for place in twin)
+"""Places of these: whatever they are within their range, it is no limit of the search."""
 OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
 """By how much it grows with time: searched in runs of whole recordings alone, windows hardly show it."""
 WITHOUT_SIGN: Final = frozenset(name for name, one in CAUSES.items() if one.unsigned)
@@ -89,8 +93,9 @@ def wave_of(name: str) -> Wave:
 
 
 def searched_causes(scales: Scales) -> list[str]:
-    """Causes that a simulation can show in these recordings, but for those that act only beside another."""
-    asked = [name for name, one in CAUSES.items() if not one.needs and one.searched(scales)]
+    """Causes that a simulation can show in these recordings, but for those that show only beside another."""
+    alone = [name for name, one in CAUSES.items() if not one.needs and not one.shown_by]
+    asked = [name for name in alone if CAUSES[name].searched(scales)]
     return [name for name in asked if name not in scales.given]
 
 
@@ -103,15 +108,26 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
     """What can be added to a set: causes that it lacks; last those that act only beside one that it has.
 
     Not those whose own limits leave no room in recordings of these sizes, nor beside one that contains it.
+    Where one is not shown yet, those that show it.
     """
-    needing = [name for name, one in CAUSES.items() if one.needs in names]
+    shown = [name for name, one in CAUSES.items() if not one.shown_by.isdisjoint(names)]
+    needing = [*(name for name, one in CAUSES.items() if one.needs in names), *shown]
+    waiting = [CAUSES[name].shown_by for name in names if is_unseen(name, names)]
     lacking = [each for each in (*searched_causes(scales), *needing) if each not in names]
     return [
         each
         for each in lacking
         if CAUSES[each].has_room(scales)
+        and each not in scales.given
+        and all(each in showing for showing in waiting)
         and not any(_contains(each, own) or _contains(own, each) for own in names)
     ]
+
+
+def is_unseen(name: str, names: Collection[str]) -> bool:
+    """Whether nothing in a set shows this cause."""
+    shown_by = CAUSES[name].shown_by
+    return bool(shown_by) and shown_by.isdisjoint(names)
 
 
 def _contains(name: str, other: str) -> bool:
@@ -230,8 +246,8 @@ def remote(start: Values) -> bool:
 
 
 def bare(names: Collection[str]) -> bool:
-    """Whether a set is the baseline, if need be behind a sensor that has lost the sign."""
-    return all(CAUSES[name].unsigned for name in names)
+    """Whether a set is the baseline, if need be behind a sensor that has lost the sign, or its twin."""
+    return all(CAUSES[name].unsigned or is_unseen(name, names) for name in names)
 
 
 def begun_from(values: Values, start: Values) -> Values:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm, t, ttest_1samp
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import CAUSES, GAPS
+from seod.diagnose.causes.table import CAUSES, GAPS, WHOLE_PARTS
 from seod.diagnose.fitting.backlash_jumps import contacts, jumps
 from seod.diagnose.fitting.beside import correlated_rows, linear
 from seod.diagnose.fitting.least_squares import least_square
@@ -190,7 +190,7 @@ def _limits(fitted: Fitted) -> list[tuple[str, float]]:
     out = []
     for x, c in zip(fitted.x, fitted.model.coordinates, strict=True):
         low, high = c.bounds
-        if not low < high:  # it is known
+        if not low < high or c.place in WHOLE_PARTS:  # it is known, or all is
             continue
         null = _null(c.place)
         off_below, off_above = null == 0.0 and c.low >= 0.0, null == math.inf

@@ -177,7 +177,7 @@ def _meant(d: Diagnosis) -> Iterator[str]:
         if effect.name in CAUSES:
             yield f"{effect.name}: {sentence(effect.name, effects)}"
     for name in effects:
-        if name in CAUSES and CAUSES[name].needs:
+        if name in CAUSES and (CAUSES[name].needs or CAUSES[name].shown_by):
             yield f"{name}: {sentence(name, effects)}"
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from seod.diagnose.causes.table import plain_forms
 from seod.diagnose.search.noise_alone import noise_alone
 from seod.diagnose.search.race import elsewhere, extended
+from seod.diagnose.starts.twins import twins
 from seod.diagnose.tuning.search import BEAM
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def grow(screen: Screen, roots: Roots, progress: Callable[[float], None]) -> Gro
     for size in range(1, BEAM.most_effects + 1):
         if noise_alone(grown.best[0], screen) or screen.budget.spent:
             break
-        children = extended(screen, beam)
+        children = extended(screen, [*beam, *twins(beam)])
         ranked = best_of_each(children)
         grown.tried |= {frozenset(one.model.names): one for one in ranked}
         if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):
