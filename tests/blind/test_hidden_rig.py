@@ -39,7 +39,9 @@ def test_each_effect_is_that_of_the_plant_written_apart(name):
     effects = at_constant_temperature(chosen(name))
     sees_speed = name in {"valve_hysteresis", "load_resonance", "sensor_lag", "rectified_sensor"}
     supply = SUPPLY if name in MOVED_BY_SUPPLY else None
-    ours, _ = simulate(Rig(K_L, OMEGA_N, ZETA, effects, sees_speed), T, Drive(GIVEN, U), supply=supply)
+    rubs = effects.get("viscous_friction", {}).get("share", 0.0)
+    rig = Rig(K_L, OMEGA_N, ZETA, effects, sees_speed, rubs=rubs)
+    ours, _ = simulate(rig, T, Drive(GIVEN, U), supply=supply)
     apart_from = follow(Plant(K_L, OMEGA_N, ZETA, effects, sees_speed=sees_speed), T, U, T, supply)
     without, _ = simulate(Rig(K_L, OMEGA_N, ZETA, {}, sees_speed), T, Drive(GIVEN, U), supply=supply)
     assert apart(ours, apart_from) < 1e-3

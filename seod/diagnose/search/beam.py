@@ -65,7 +65,7 @@ def grow(screen: Screen, roots: Roots, progress: Callable[[float], None]) -> Gro
     for size in range(1, BEAM.most_effects + 1):
         if noise_alone(grown.best[0], screen) or screen.budget.spent:
             break
-        children = extended(screen, [*beam, *twins(beam)])
+        children = extended(screen, [*beam, *twins([min(beam, key=lambda one: one.cost)])])
         ranked = best_of_each(children)
         grown.tried |= {frozenset(one.model.names): one for one in ranked}
         if not ranked or ranked[0].cost > grown.best[0].cost - least_gain(screen.cut):

@@ -24,6 +24,7 @@ from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.search.refine import refined
 from seod.diagnose.starts.effect_starts import effect_starts
+from seod.diagnose.starts.twins import twins
 from seod.diagnose.tuning.fitting import NOISE_COLOUR
 from seod.diagnose.tuning.search import NOISE_ALONE
 from seod.diagnose.tuning.starts import LINES
@@ -68,7 +69,16 @@ def _leaves_much(found: Fitted) -> bool:
 def nothing_promised(found: Fitted, screen: Screen, *, beside_slow: bool = False) -> bool:
     """Whether no further effect promises to save more of what is left than chance would, and nothing repeats.
 
-    Or, `beside_slow`, more than an offset of the sensor that moves slowly would.
+    Nor beside the set's twin. Or, `beside_slow`, more than an offset of the sensor that moves slowly would.
+    """
+    if not _promises_nothing(found, screen, beside_slow=beside_slow):
+        return False
+    return all(_promises_nothing(one, screen, beside_slow=beside_slow) for one in twins([found]))
+
+
+def _promises_nothing(found: Fitted, screen: Screen, *, beside_slow: bool) -> bool:
+    """Likewise of a set alone.
+
     Nobody can tell where no row counts, or where a coarse sensor's rounding hides the error of most. And a
     plant at an end of its range is none that leaves noise.
     """
