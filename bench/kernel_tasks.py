@@ -37,6 +37,7 @@ EXAMPLES = {
     "load_spring": {"stiffness": 1000.0, "centre": 0.1},
     "coulomb_friction": {"level": 100.0},
     "stribeck_friction": {"level": 100.0, "speed": 2.0},
+    "viscous_friction": {"share": 0.6},
     "lugre_friction": {"stiffness": 4e5, "damping": 100.0},
     "load_resonance": {"inertia": 0.2, "omega": 600.0, "zeta": 0.05},
     "periodic_disturbance": {"amplitude": 200.0, "omega": 300.0},
