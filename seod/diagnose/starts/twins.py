@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 
 
 def twins(some: Sequence[Fitted]) -> list[Fitted]:
-    """Of each set in which nothing shows a cause of `TWINS` the set with it, its other numbers unchanged."""
+    """Of each set in which nothing shows a cause of `TWINS` the set with it.
+
+    Its other numbers are unchanged, but beside a load, whose effect depends on where the damping acts: there
+    the set is fitted from the cause's last start.
+    """
     return [_twin(fitted, name) for fitted in some for name in TWINS if _is_open(fitted.model, name)]
 
 
