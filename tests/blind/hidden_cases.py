@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from hidden_baseline import best_baseline
-from hidden_drives import EXCITATIONS, make_drive
+from hidden_drives import CLOCKED, EXCITATIONS, make_drive
 from hidden_fair import chatters, left_beside, left_by_list, moves
 from hidden_rig import GIVEN, Drive, Rig, simulate
 from hidden_strength import (
@@ -54,7 +54,9 @@ NOW_NAMED = {"curved": "sensor_nonlinearity", "progressive": "static_valve_map"}
 """Off the list until then."""
 OF_POSITIONS = {"sensor_nonlinearity"}
 """Hidden where the sensor sees the position alone."""
-OPEN = ("multisine", "steps")
+CLOCKED_SINCE = 138000
+"""From this number on a clock may give two commands: a square wave, or binary noise."""
+OPEN = ("multisine", "steps", *CLOCKED)
 """Excitations without a loop, of positions too: behind a sensor without sign none can be closed."""
 CORRELATED = 3.0
 """Radians of the plant over which a measured disturbance keeps its value, about."""
@@ -211,11 +213,12 @@ def _bare(number, kind, causes, excitation, sees_speed, noise_part, random) -> C
     latency = float(random.choice([0.0, 0.0, 3e-4]))
     if "timing_jitter" in causes:  # a command follows from a sample, late as that may be
         latency = tick
-    kind_of_drive = excitation or str(random.choice(EXCITATIONS))
+    drives = (*EXCITATIONS, *(CLOCKED if number >= CLOCKED_SINCE else ()))
+    kind_of_drive = excitation or str(random.choice(drives))
     if RECTIFIED in causes and kind_of_drive not in OPEN:
         if excitation is not None:
             raise Invisible(f"{RECTIFIED} under {excitation}: no loop can be closed behind it")
-        kind_of_drive = str(random.choice(OPEN))
+        kind_of_drive = str(random.choice([each for each in drives if each in OPEN]))
     volts = float(np.exp(random.uniform(-1.0, 1.0)))
     return Case(number, kind, causes, kind_of_drive, rig, tick, duration, volts, noise_part, latency)
 

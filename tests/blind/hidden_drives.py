@@ -1,4 +1,4 @@
-"""How hidden rigs are driven: relay, two phases, multisine, steps, normal operation."""
+"""How hidden rigs are driven: relay, two phases, multisine, steps, operation, two commands of a clock."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from hidden_rig import GIVEN, RELAY, SERVO, Drive
 
 EXCITATIONS = ("relay", "two-phase", "multisine", "steps", "operation")
+CLOCKED = ("square", "binary")
+"""Two commands that no movement switches: a square wave, and binary noise."""
 
 
 def make_drive(excitation: str, rig, t, volts: float, random, hysteresis: float = 0.0) -> Drive:
@@ -23,7 +25,11 @@ def make_drive(excitation: str, rig, t, volts: float, random, hysteresis: float 
         return Drive(GIVEN, mirrored_steps(t, volts, rig.omega_n, random))
     if excitation == "operation":
         return operation(rig, t, volts, random)
-    raise ValueError(f"{excitation}: there are {', '.join(EXCITATIONS)}")
+    if excitation == "square":
+        return Drive(GIVEN, square(t, volts, rig.omega_n, random))
+    if excitation == "binary":
+        return Drive(GIVEN, binary_noise(t, volts, rig.omega_n, random))
+    raise ValueError(f"{excitation}: there are {', '.join((*EXCITATIONS, *CLOCKED))}")
 
 
 def multisine(t, volts, omega_n, random):
@@ -49,6 +55,19 @@ def mirrored_steps(t, volts, omega_n, random):
         u[(t >= at + half) & (t < at + 2.0 * half)] = -level
         at += 2.0 * half
     return u
+
+
+def square(t, volts, omega_n, random):
+    """A square wave of 4 to 40 radians of the plant in each of its halves."""
+    half = float(np.exp(random.uniform(np.log(4.0), np.log(40.0)))) / omega_n
+    return volts * np.where(((t + random.uniform(0.0, 2.0) * half) / half) % 2.0 < 1.0, 1.0, -1.0)
+
+
+def binary_noise(t, volts, omega_n, random):
+    """Either of two values, drawn anew every 0.5 to 8 radians of the plant."""
+    clock = float(np.exp(random.uniform(np.log(0.5), np.log(8.0)))) / omega_n
+    values = random.choice([-volts, volts], int(t[-1] / clock) + 2)
+    return values[(t / clock).astype(int)]
 
 
 def operation(rig, t, volts, random) -> Drive:

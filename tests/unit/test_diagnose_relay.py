@@ -86,7 +86,7 @@ def test_the_growth_of_a_limit_cycle_is_not_tried():
 
 def test_commands_of_another_kind_keep_all_samples():
     one, _ = recorded("stalls")
-    other = replace(one, u=np.sin(7.0 * T), levels=N)
+    other = replace(one, u=np.sin(7.0 * T), levels=N, relayed=False)
     windows = cut([other])[0]
     same = sparse(windows)
     assert same.windows == windows.windows

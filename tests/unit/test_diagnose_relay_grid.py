@@ -233,7 +233,7 @@ def test_only_a_relay_has_cells():
     one, _ = recorded("stalls")
     budget = Budget(time.process_time, 1e6)
     assert screen(segments(cut([one])[0]), map, budget).grid_plants
-    other = replace(one, u=np.sin(7.0 * T), levels=len(T))
+    other = replace(one, u=np.sin(7.0 * T), levels=len(T), relayed=False)
     assert not screen(segments(cut([other])[0]), map, budget).grid_plants
 
 

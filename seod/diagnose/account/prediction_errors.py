@@ -92,7 +92,7 @@ class Predictions:
 
         Without a wave the noise is the whole set's: noise of a long memory would foretell the wave.
         """
-        model = found.model.without(name)
+        model = found.model.without(name).shown()
         begins = [found] if model.names else [found, self.base]
         each = [self.fitted(model, one, found.cut) for one in begins]
         if CAUSES[name].wave is None:

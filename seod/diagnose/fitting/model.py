@@ -10,7 +10,15 @@ import numpy as np
 
 from seod.diagnose.causes.base import BASE, base
 from seod.diagnose.causes.cause import signed
-from seod.diagnose.causes.table import CAUSES, OFFSET, OFFSET_DRIFT_PLACE, OFFSET_PLACE, bound_to, group
+from seod.diagnose.causes.table import (
+    CAUSES,
+    OFFSET,
+    OFFSET_DRIFT_PLACE,
+    OFFSET_PLACE,
+    bound_to,
+    group,
+    is_unseen,
+)
 from seod.diagnose.tuning.fitting import FIT, SUBSTEPS
 from sim.effects import EFFECTS, FAR
 from sim.parameters import parameters
@@ -135,6 +143,11 @@ class Model:
         names = tuple(each for each in self.names if each not in gone)
         kept = tuple(c for c in self.coordinates if c.place.split(".")[0] not in gone)
         return replace(self, names=names, coordinates=kept, moved=self.moved - gone)
+
+    def shown(self) -> Model:
+        """The same without effects that none of the others shows: Eq. 1 has them in its numbers."""
+        unseen = [name for name in self.names if is_unseen(name, self.names)]
+        return self.without(unseen[0]).shown() if unseen else self
 
 
 def tolerance(omega_n: float, zeta: float, tick_s: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from seod.diagnose.record.coarse_sensor import Readings, readings
 from seod.diagnose.record.noise import noise_sd
+from seod.diagnose.record.relay import relayed
 from seod.diagnose.record.sweep import sweeps
 from seod.diagnose.result import DiagnoseError
 from seod.diagnose.tuning.record import SERIES
@@ -47,6 +48,7 @@ class Series:
         tick: Median interval of its samples [s].
         levels: How many different commands it has.
         blocks: (first row, row after the last) of the parts that windows are cut from.
+        relayed: A relay gave the commands.
         other_drive: Times [s] and volts that the valve is given where commands are not simulated as recorded,
             such as what runs straight on between them; None: they are.
         held: Most rows repeat a reading, and are not `good`.
@@ -74,6 +76,7 @@ class Series:
     tick: float
     levels: int
     blocks: tuple[tuple[int, int], ...]
+    relayed: bool = False
     other_drive: tuple[Array, Array] | None = None
     held: bool = False
     timed: bool = False
@@ -100,11 +103,6 @@ class Series:
         """Whether commands are simulated to run on between their rows."""
         return len(self.drive[0]) > len(self.t_u)
 
-    @property
-    def relayed(self) -> bool:
-        """Whether a relay gave the commands."""
-        return self.levels <= SERIES.relay_levels
-
     @cached_property
     def segment_s(self) -> float:
         """Longest segment of a window to fit [s]. A sweep has no period of its own."""
@@ -115,16 +113,14 @@ class Series:
     def travelled(self) -> Array:
         """Positions by the integral of a speed, from 0, shape (n,). Not to be written to."""
         y = np.interp(self.t, self.t[self.good], self.y[self.good])
-        place = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(self.t))])
+        place = _integral(self.t, y)
         place.flags.writeable = False
         return place
 
     @cached_property
     def u_of_rows(self) -> Array:
         """The command of each sample, shape (n,), also where only those are kept that change something."""
-        if len(self.u) == len(self.t):
-            return self.u
-        return self.u[np.maximum(np.searchsorted(self.t_u, self.t, "right") - 1, 0)]
+        return _of_rows(self.t, self.t_u, self.u)
 
     @property
     def reading_s(self) -> float:
@@ -219,12 +215,28 @@ def series(
         allowed=read.allowed,
         tick=float(np.median(np.diff(t))),
         levels=len(np.unique(u)),
+        relayed=_relayed(t, t_u, u, read.y, good, sees_speed),
         blocks=((0, len(t)),),
         other_drive=straight_on(t_u, u) if hold == "first" else None,
         held=taken is not None,
         timed=hold is not None or (recording.t_u is not None and not np.array_equal(t_u, recording.t)),
         late=late,
     )
+
+
+def _of_rows(t: Array, t_u: Array, u: Array) -> Array:
+    """The command of each row, shape (n,)."""
+    return u if len(u) == len(t) else u[np.maximum(np.searchsorted(t_u, t, "right") - 1, 0)]
+
+
+def _integral(t: Array, y: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t))])
+
+
+def _relayed(t: Array, t_u: Array, u: Array, y: Array, good: Mask, sees_speed: bool) -> bool:
+    """Whether a relay gave the commands, by the position."""
+    y = np.interp(t, t[good], y[good])
+    return relayed(t, _of_rows(t, t_u, u), _integral(t, y) if sees_speed else y)
 
 
 def _check(name: str, u: Array, y: Array) -> None:

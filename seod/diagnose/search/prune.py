@@ -106,8 +106,8 @@ def _fitted(model: Model, values: Values, fitted: Fitted, screen: Screen) -> Fit
 
 
 def without(fitted: Fitted, name: str, screen: Screen) -> Fitted:
-    """A set without one of its effects, fitted anew to the same windows."""
-    return _fitted(fitted.model.without(name), fitted.model.values(fitted.x), fitted, screen)
+    """A set without one of its effects, nor what no other shows, fitted anew to the same windows."""
+    return _fitted(fitted.model.without(name).shown(), fitted.model.values(fitted.x), fitted, screen)
 
 
 def thinned(

@@ -426,6 +426,25 @@ STEP: Final = SensorStep()
 
 
 @dataclass(frozen=True, slots=True)
+class Relay:
+    """By what commands of a relay are known."""
+
+    levels: int = 4
+    """[levels] Of them, at most: two, with another bias four. Chosen."""
+    usually: float = 0.4
+    """[-] Correlation of command and position in most periods, at least. Measured: 0.51 and more of 48
+    relays, at most 0.34 of a square wave of half the natural frequency; a quicker one counts as a relay."""
+    mostly: float = 0.9
+    """[-] Part of the periods in which it has the sign of most. Measured: all of 48 relays, at most 0.84 of
+    binary noise that has ten periods."""
+    fewest_periods: int = 4
+    """[periods] By which it is asked. Chosen: there are as many windows."""
+
+
+RELAY: Final = Relay()
+
+
+@dataclass(frozen=True, slots=True)
 class Series:
     """Rows of a recording as they are simulated."""
 
@@ -444,8 +463,6 @@ class Series:
     with three, and the same with five."""
     fewest_windows: int = 4
     """[windows] Of a recording: two to fit, two held out. Chosen."""
-    relay_levels: int = 4
-    """[levels] Of a relay's commands, at most: two, with another bias four. Chosen."""
     least_samples: int = 200
     """[rows] Of a recording. Chosen."""
     most_paused: float = 100.0
