@@ -169,3 +169,13 @@ def test_the_command_of_a_map_is_its_inverse(worth):
     parts |= AT_THIRDS | {"rounding": 0.3}
     one = ValveMap({f"static_valve_map_{name}": value for name, value in parts.items()})
     assert one.worth(one.command(worth)) == pytest.approx(worth)
+
+
+def test_a_map_whose_corners_meet_becomes_the_deadband_that_it_is_like():
+    """From 0.3 V on a gain of 1: corners at and beyond twice that, which leave it rounded."""
+    (form,) = [each for each in STATIC_VALVE_MAP.plain if each.name == "valve_deadband"]
+    corners = {"knot_1": 0.6 / LARGEST, "knot_2": 0.6 / LARGEST, "bend_1": -0.3, "bend_2": -0.29}
+    values = {f"static_valve_map.{of}": v for of, v in (dict.fromkeys(PARTS, 0.0) | corners).items()}
+    back = form.becomes(values | {"K_L": K_L}, type("Sizes", (), {"volts": LARGEST})())
+    assert back["valve_deadband.half_width"] == pytest.approx(0.23, abs=0.08)
+    assert back["K_L"] == pytest.approx(K_L * LARGEST / (LARGEST - 0.3), rel=0.1)

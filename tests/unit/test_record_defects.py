@@ -280,6 +280,13 @@ def test_a_steep_ripple_gathers_readings_but_is_no_step_of_a_sensor():
     assert counts(y, 0.2 * NOISE).step == 0.0
 
 
+def test_no_counts_where_the_load_moves_as_far_from_row_to_row():
+    """There and back at one speed, as under a square wave: at each row it is where it had been before."""
+    way = 8.0 * NOISE * np.abs(np.arange(8000) % 1000 - 500)
+    y = way + np.random.default_rng(3).normal(0.0, NOISE, 8000)
+    assert counts(y, NOISE).step == 0.0
+
+
 def test_no_counts_where_the_load_rests_for_long():
     y = np.where(T < 6.0, 0.3, movement(T)) + np.random.default_rng(1).normal(0.0, NOISE, len(T))
     assert counts(y, NOISE).step == 0.0

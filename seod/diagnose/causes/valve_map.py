@@ -31,6 +31,8 @@ LEAST_APART: Final = 2.0 * LEAST_BETWEEN_KNOTS
 """Between a map's corners, as part of its range: more than can be simulated, for the sake of rounding."""
 FIRST_KNOT, LAST_KNOT = 0.05, 0.95
 """A map's corners are searched between: commands nearer to 0 or to the end are too few to tell them."""
+COMPARED, WIDEST_BAND = 101, 0.9
+"""Commands at which a map is compared with a deadband, and the widest of these over the range; chosen."""
 LEVELS_OF_MAP: Final = 12
 """Different commands, more than which a map needs: two to each of its straight lines, to either side."""
 
@@ -114,14 +116,15 @@ def _only_saturates(values: Values, s: Scales) -> Values:
 
 
 def _only_deadband(values: Values, s: Scales) -> Values:
-    """The command from which a map begins, with the gain that it has between its corners."""
+    """The deadband and gain that come nearest to a map, whatever corner either of them has."""
     at, up, down = _worth_of(values, s)
-    worth = 0.5 * (up + down)
-    gain = max((worth[2] - worth[1]) / (at[2] - at[1]), LEAST_SLOPE)
-    return {
-        "K_L": values["K_L"] * gain,
-        "valve_deadband.half_width": max(at[1] - worth[1] / gain, 0.0),
-    }
+    u, worth = np.linspace(0.0, at[-1], COMPARED), 0.5 * (up + down)
+    slopes = np.maximum(np.diff(worth) / np.diff(at), LEAST_SLOPE)
+    halves = np.clip(np.r_[u, at[1:] - worth[1:] / slopes], 0.0, WIDEST_BAND * at[-1])
+    worth, beyond = np.interp(u, at, worth), np.maximum(u - halves[:, None], 0.0)
+    gains = np.maximum(beyond @ worth / np.sum(beyond**2, axis=1), LEAST_SLOPE)
+    best = int(np.argmin(np.sum((worth - gains[:, None] * beyond) ** 2, axis=1)))
+    return {"K_L": values["K_L"] * float(gains[best]), "valve_deadband.half_width": float(halves[best])}
 
 
 def _only_unequal(values: Values, s: Scales) -> Values:

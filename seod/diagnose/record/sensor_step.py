@@ -84,8 +84,8 @@ def _background(means: Array, k: int, pad: int) -> float:
 def _refined(y: Array, step: float, noise: float) -> Counts:
     """Least squares of the readings to whole counts, from a step that is nearly right.
 
-    None where readings lie further from them than their noise: then a movement gathers there, as a steep
-    ripple's does once a wave.
+    None where readings lie further from them than their noise, or go on alike from row to row: then a
+    movement gathers there, as a steep ripple's does once a wave, and one of a single speed at each row.
     """
     order = np.arange(3)
     about = y - np.mean(y)
@@ -95,7 +95,8 @@ def _refined(y: Array, step: float, noise: float) -> Counts:
         slope, offset = np.polyfit(number, about, 1)
         step = float(slope)
     left = about - slope * number - offset
-    if float(np.std(left)) > STEP.most_scatter * noise:
+    alike = np.bincount(np.abs(np.diff(number)).astype(np.int64), minlength=2)[1:]
+    if float(np.std(left)) > STEP.most_scatter * noise or float(np.max(alike)) > STEP.one_speed * len(y):
         return Counts()
     spread = float(np.std(left)) / max(float(np.std(number)) * math.sqrt(len(y) - len(order)), 1e-300)
     return Counts(step, spread)

@@ -418,6 +418,9 @@ class SensorStep:
     most_scatter: float = 1.5
     """[sd] Of the noise, of readings about whole counts, at most; its estimate is right to some percent.
     Chosen."""
+    one_speed: float = 0.7
+    """[-] Part of the rows that go on by the same number of steps, not none, above which these are what a
+    movement of one speed passes from row to row. Chosen; 0.95 of a position under a square wave."""
     within_noise: float = 1.5
     """[sd] Steps of fewer say nothing that could be seen. Chosen."""
 
