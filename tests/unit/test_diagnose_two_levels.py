@@ -108,6 +108,7 @@ def test_what_two_commands_show(command, level):
     assert [each.name for each in found.effects] == ["coulomb_friction"] * (level > 0.0)
     assert found.extended.omega_n == pytest.approx(OMEGA_N, rel=0.02)
     assert found.extended.zeta == pytest.approx(ZETA, rel=0.03)
+    assert "valve_deadband" in found.next_experiment.separates  # which two commands hide
     for each in found.effects:
         assert each.parameters["level"].value == pytest.approx(level, rel=0.05)
         assert each.gain.nrmse_without == pytest.approx(found.baseline.holdout_nrmse, rel=0.02)

@@ -196,7 +196,10 @@ def _experiment(findings: Findings, held_out: Cut) -> NextExperiment | None:
     volts = max(float(np.max(np.abs(one.u))) for one in every)
     asked = best.model, best.x, max(one.noise for one in every), volts, max(one.tick for one in every)
     told = next_experiment(findings.effects, *asked)
-    return told or (beyond_a_relay(*asked) if best.model.scales.two_commands else None)
+    if told is not None:
+        return told
+    sizes = findings.grown.best[-1].model.scales  # the model's own are rough ones where nothing is found
+    return beyond_a_relay(replace(best.model, scales=sizes), *asked[1:]) if sizes.two_commands else None
 
 
 def _scored(fitted: Fitted, held: HeldOut, seen: int) -> tuple[Score, list[Array]]:
