@@ -257,15 +257,17 @@ def _as_either(
 ) -> tuple[SearchResult, Output, tuple[str, ...]]:
     """What is found, what y is, and what is said of that.
 
-    Where nobody tells, and much is left of the likelier type or its plant is at a limit, the other one is
-    searched as well: a position that a spring holds follows u as a speed does, and Eq. 1 of a position is
-    farther from it.
+    Where nobody tells, and much besides noise is left of the likelier type or its plant is at a limit, the
+    other one is searched as well: a position that a spring holds follows u as a speed does, and Eq. 1 of a
+    position is farther from it.
     """
     likelier = types.likelier
     result = searched_as(likelier, progress)
-    left = result.findings.chosen.held.nrmse
+    held = result.findings.chosen.held
+    left = held.nrmse
     limited = bool(types.said) and _is_limited(result)
-    if not limited and (not types.said or left <= CLOSED_FORM.good):
+    explained = left <= CLOSED_FORM.good or held.adequacy <= HELD_OUT.adequate
+    if not limited and (not types.said or explained):
         return result, likelier, types.said
     second: Output = "velocity" if likelier == "position" else "position"
     try:

@@ -14,8 +14,10 @@ from scipy.signal import StateSpace, lsim
 
 from seod.cli import app
 from seod.data import Recording
+from seod.diagnose import pipeline
 from seod.diagnose.pipeline import Options, diagnose, told_gain
 from seod.diagnose.search.budget import EFFORTS
+from seod.diagnose.tuning.record import CLOSED_FORM
 from tests.command_line import CliRunner
 
 pytestmark = pytest.mark.slow
@@ -74,6 +76,21 @@ def test_the_type_is_found_where_nobody_tells_it(speed, output, kind):
     assert numbers(told["baseline"]) == pytest.approx(PLANT, rel=0.02)
     (sentence,) = [each for each in told["remarks"] if "type" in each]
     assert f"(type {kind}:" in sentence
+
+
+def test_a_type_that_leaves_noise_alone_is_not_doubted(monkeypatch):
+    """However large the noise: a search as the other type had taken ten times as long."""
+    asked, searched_as = [], pipeline.search_once
+
+    def searched(every, setup, *more):
+        asked.append(setup.sees_speed)
+        return searched_as(every, setup, *more)
+
+    monkeypatch.setattr(pipeline, "search_once", searched)
+    u = multisine(4000)
+    told = diagnose([white(u, linear(u), noise=0.05)], (), Options(output=None, effort="quick"))
+    assert told.extended.holdout_nrmse > 1.5 * CLOSED_FORM.good
+    assert asked == [False]
 
 
 def test_offset_and_delay_are_told_beside_the_plain_baseline():
