@@ -263,10 +263,9 @@ def _as_either(
     """
     likelier = types.likelier
     result = searched_as(likelier, progress)
-    held = result.findings.chosen.held
-    left = held.nrmse
+    left = result.findings.chosen.held.nrmse
     limited = bool(types.said) and _is_limited(result)
-    explained = left <= CLOSED_FORM.good or held.adequacy <= HELD_OUT.adequate
+    explained = left <= CLOSED_FORM.good or most_left(result.findings) <= HELD_OUT.adequate
     if not limited and (not types.said or explained):
         return result, likelier, types.said
     second: Output = "velocity" if likelier == "position" else "position"

@@ -69,7 +69,7 @@ def binary_noise(clock_s, size=2.0):
 )
 def test_a_relay_is_known(command, sign):
     u, y = rig(command, sign * K_L)
-    assert relayed(T, u, y)
+    assert relayed(u, y)
 
 
 @pytest.mark.parametrize(
@@ -82,15 +82,15 @@ def test_a_relay_is_known(command, sign):
     ],
 )
 def test_a_table_of_two_commands_is_no_relay(command):
-    assert not relayed(T, *rig(command))
+    assert not relayed(*rig(command))
 
 
 def test_of_few_periods_or_many_levels_nothing_is_a_relay():
     u, y = rig(relay())
     few = T < 0.2
-    assert not relayed(T[few], u[few], y[few])
-    assert not relayed(T, u * np.linspace(1.0, 2.0, len(u)), y)
-    assert not relayed(T, np.ones(len(T)), y)
+    assert not relayed(u[few], y[few])
+    assert not relayed(u * np.linspace(1.0, 2.0, len(u)), y)
+    assert not relayed(np.ones(len(T)), y)
 
 
 @pytest.mark.slow

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from seod.diagnose.fitting.noise_colour import Residual
-from seod.diagnose.record.command_period import command_period_s, finer_period_s, relay_period_s
-from seod.diagnose.record.relay import rises
+from seod.diagnose.record.command_period import command_period_s, finer_period_s, relay_period_s, rises
 from seod.diagnose.tuning.account import REPEATS, SYSTEMATIC
 
 if TYPE_CHECKING:

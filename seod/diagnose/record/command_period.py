@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.record.relay import rises
 from seod.diagnose.tuning.record import PERIOD
 
 if TYPE_CHECKING:
@@ -43,6 +42,11 @@ def relay_period_s(t: Array, u: Array) -> float | None:
         return None
     regular = periods[np.abs(periods / np.median(periods) - 1.0) < PERIOD.irregular]
     return float(np.mean(regular)) if len(regular) > PERIOD.mostly_regular * len(periods) else None
+
+
+def rises(t: Array, u: Array) -> Array:
+    """When a command goes up [s]."""
+    return np.asarray(t[1:][np.diff(u) > 0.0])
 
 
 def command_period_s(t: Array, u: Array, shortest_s: float = PERIOD.shortest_s) -> float | None:

@@ -12,35 +12,29 @@ if TYPE_CHECKING:
     from seod.diagnose.result import Array
 
 
-def relayed(t: Array, u: Array, place: Array) -> bool:
+def relayed(u: Array, place: Array) -> bool:
     """Whether few commands switch alike against the position, period by period.
 
     A relay holds a limit cycle: there the position is half a period behind the command. It is a quarter
     behind a slow square wave, and behind binary noise anywhere.
 
     Args:
-        t: Times [s], shape (n,).
         u: Command of each row [V], shape (n,).
         place: Position, or the integral of a speed, shape (n,).
     """
     if len(np.unique(u)) > RELAY.levels:
         return False
-    alike = _against(t, u, place)
+    alike = _against(u, place)
     if len(alike) < RELAY.fewest_periods:
         return False
     usual = float(np.median(alike))
     return abs(usual) >= RELAY.usually and float(np.mean(alike * usual > 0.0)) >= RELAY.mostly
 
 
-def rises(t: Array, u: Array) -> Array:
-    """When a command goes up [s]."""
-    return np.asarray(t[1:][np.diff(u) > 0.0])
-
-
-def _against(t: Array, u: Array, place: Array) -> Array:
+def _against(u: Array, place: Array) -> Array:
     """Correlation of position and command in each of the command's periods; shape (periods,)."""
     upper = np.where(u > 0.5 * (np.min(u) + np.max(u)), 1.0, -1.0)
-    begins = np.searchsorted(t, rises(t, upper))
+    begins = np.flatnonzero(np.diff(upper) > 0.0) + 1
     whole = slice(begins[0], begins[-1]) if len(begins) else slice(0, 0)
     at = begins[:-1] - whole.start
     if not len(at):

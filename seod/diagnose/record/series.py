@@ -236,7 +236,7 @@ def _integral(t: Array, y: Array) -> Array:
 def _relayed(t: Array, t_u: Array, u: Array, y: Array, good: Mask, sees_speed: bool) -> bool:
     """Whether a relay gave the commands, by the position."""
     y = np.interp(t, t[good], y[good])
-    return relayed(t, _of_rows(t, t_u, u), _integral(t, y) if sees_speed else y)
+    return relayed(_of_rows(t, t_u, u), _integral(t, y) if sees_speed else y)
 
 
 def _check(name: str, u: Array, y: Array) -> None:
