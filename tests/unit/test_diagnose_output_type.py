@@ -126,24 +126,26 @@ def test_a_type_that_cannot_be_searched_takes_no_answer_away(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("limited", "errors", "output"),
+    ("limited", "errors", "adequacy", "output"),
     [
-        pytest.param((True, False), (0.0143, 0.0141), "position", id="at a limit, and no nearer"),
-        pytest.param((True, False), (0.0141, 0.0143), "velocity", id="nearer"),
-        pytest.param((True, True), (0.0143, 0.0141), "velocity", id="both are at a limit"),
-        pytest.param((False, False), (0.0143, 0.0001), "velocity", id="good already"),
-        pytest.param((False, False), (0.188, 0.015), "position", id="much is left"),
-        pytest.param((False, False), (0.188, 0.16), "velocity", id="of both"),
+        pytest.param((True, False), (0.0143, 0.0141), 9.0, "position", id="at a limit, and no nearer"),
+        pytest.param((True, False), (0.0141, 0.0143), 9.0, "velocity", id="nearer"),
+        pytest.param((True, True), (0.0143, 0.0141), 9.0, "velocity", id="both are at a limit"),
+        pytest.param((False, False), (0.0143, 0.0001), 9.0, "velocity", id="good already"),
+        pytest.param((False, False), (0.188, 0.015), 9.0, "position", id="much is left"),
+        pytest.param((False, False), (0.188, 0.16), 9.0, "velocity", id="of both"),
+        pytest.param((False, False), (0.188, 0.015), 1.0, "velocity", id="noise is all"),
     ],
 )
-def test_a_plant_far_off_or_at_a_limit_may_be_one_of_the_other_type(monkeypatch, limited, errors, output):
+def test_a_plant_far_off_or_at_a_limit_may_be_one_of_the_other_type(
+    monkeypatch, limited, errors, adequacy, output
+):
     """A position that a spring holds was a speed of 20 times the damping, and a lag."""
-    searched = {
-        which: SimpleNamespace(
-            findings=SimpleNamespace(chosen=SimpleNamespace(held=SimpleNamespace(nrmse=error)))
-        )
-        for which, error in zip(("velocity", "position"), errors, strict=True)
-    }
+    searched = {}
+    for which, error in zip(("velocity", "position"), errors, strict=True):
+        held = SimpleNamespace(nrmse=error, adequacy=adequacy)
+        findings = SimpleNamespace(chosen=SimpleNamespace(held=held), seen=SimpleNamespace(adequacy=1.0))
+        searched[which] = SimpleNamespace(findings=findings)
     ends = dict(zip(map(id, searched.values()), limited, strict=True))
     monkeypatch.setattr(pipeline, "_is_limited", lambda result: ends[id(result)])
     types = Types("velocity", {}, ("y is taken for a speed",))
