@@ -436,7 +436,7 @@ class Relay:
     """[levels] Of them, at most: two, with another bias four. Chosen."""
     usually: float = 0.4
     """[-] Correlation of command and position in most periods, at least. Measured: 0.51 and more of 48
-    relays, at most 0.34 of a square wave of half the natural frequency; a quicker one counts as a relay."""
+    relays, at most 0.34 of a square wave of half the natural frequency; one near it counts as a relay's."""
     mostly: float = 0.9
     """[-] Part of the periods in which it has the sign of most. Measured: all of 48 relays, at most 0.84 of
     binary noise that has ten periods."""
