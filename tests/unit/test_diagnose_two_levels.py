@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 from diagnose_truth import RATE, recording
+from scipy.signal import lfilter
 
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.relay import relayed
@@ -20,21 +21,22 @@ SECONDS = 8.0
 T = np.arange(round(SECONDS * RATE)) / RATE
 
 
-def rig(command, k_l=K_L, level=0.0):
+def rig(command, k_l=K_L, level=0.0, lag_s=0.0):
     """Commands and positions; a command is given by its row and the position seen there."""
-    x = v = a = 0.0
+    x = v = a = opening = 0.0
     h, b = 1.0 / (RATE * STEPS), 2.0 * ZETA * OMEGA_N
     u, y = [], []
     for k in range(len(T)):
         u.append(command(k, x))
         y.append(x)
         for _ in range(STEPS):
+            opening = opening + h * (u[-1] - opening) / lag_s if lag_s else u[-1]
             push = a - b * v
             way = math.copysign(1.0, v) if v else math.copysign(1.0, push)
             then = v + h * (push - level * way)
             if level and ((v == 0.0 and abs(push) <= level) or then * v < 0.0):
                 then = 0.0
-            a += h * OMEGA_N**2 * (k_l * u[-1] - v)
+            a += h * OMEGA_N**2 * (k_l * opening - v)
             v = then
             x += h * v
     return np.array(u), np.array(y)
@@ -54,8 +56,8 @@ def square(hz, size=2.0):
     return lambda k, _: size if (T[k] * hz + 0.1) % 1.0 < 0.5 else -size
 
 
-def binary_noise(clock_s, size=2.0):
-    values = np.random.default_rng(8).choice([-size, size], len(T))
+def binary_noise(clock_s, size=2.0, seed=8):
+    values = np.random.default_rng(seed).choice([-size, size], len(T))
     return lambda k, _: values[int(T[k] / clock_s + 1e-9)]
 
 
@@ -83,6 +85,19 @@ def test_a_relay_is_known(command, sign):
 )
 def test_a_table_of_two_commands_is_no_relay(command):
     assert not relayed(*rig(command))
+
+
+@pytest.mark.parametrize(("clock_s", "seed"), [(0.05, 0), (0.1, 2), (0.1, 6), (0.1, 9)])
+def test_binary_noise_that_a_slow_valve_follows_late_is_no_relay(clock_s, seed):
+    assert not relayed(*rig(binary_noise(clock_s, seed=seed), lag_s=0.03))
+
+
+@pytest.mark.parametrize("hz", [2.0, 5.0])
+def test_a_square_wave_against_a_spring_is_no_relay(hz):
+    """The position comes to rest, or turns round, where the command switches."""
+    u = np.array([square(hz)(k, 0.0) for k in range(len(T))])
+    kept = math.exp(-1.0 / (0.04 * RATE))
+    assert not relayed(u, lfilter([1.0 - kept], [1.0, -kept], u))
 
 
 def test_of_few_periods_or_many_levels_nothing_is_a_relay():

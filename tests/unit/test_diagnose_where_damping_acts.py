@@ -12,7 +12,7 @@ import pytest
 from diagnose_truth import RATE, recording
 
 from seod.diagnose.causes.scales import Scales
-from seod.diagnose.causes.table import further_causes
+from seod.diagnose.causes.table import begun_from, further_causes
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.pipeline import Options, diagnose
@@ -46,15 +46,21 @@ def command(seconds):
     return 2.0 * u / np.std(u)
 
 
-def rig(u, level=0.0, rubs=1.0, null=0.0, lag=0.0):
-    """Positions; `rubs` is the part of the damping that acts on the load, behind a sensor's lag."""
+def rig(u, level=0.0, rubs=1.0, null=0.0, lag=0.0, zeta=ZETA, second=()):
+    """Positions; `rubs` is the part of the damping that acts on the load, behind a sensor's lag.
+
+    A second inertia has its part of the first, its own frequency and its damping.
+    """
     x = v = a = seen = 0.0
-    h, b = 1.0 / (RATE * STEPS), 2.0 * ZETA * OMEGA_N
+    x_2 = v_2 = 0.0
+    part, omega_2, zeta_2 = second or (0.0, 0.0, 0.0)
+    h, b = 1.0 / (RATE * STEPS), 2.0 * zeta * OMEGA_N
     out = []
     for volts in u:
         out.append(seen if lag else x)
         for _ in range(STEPS):
-            push = a - rubs * b * v
+            held = omega_2**2 * (x - x_2) + 2.0 * zeta_2 * omega_2 * (v - v_2)
+            push = a - rubs * b * v - part * held
             way = math.copysign(1.0, v) if v else math.copysign(1.0, push)
             then = v + h * (push - level * way)
             if level and ((v == 0.0 and abs(push) <= level) or then * v < 0.0):
@@ -62,6 +68,8 @@ def rig(u, level=0.0, rubs=1.0, null=0.0, lag=0.0):
             a += h * (OMEGA_N**2 * (K_L * (volts - null) - v) - (1.0 - rubs) * b * a)
             v = then
             x += h * v
+            v_2 += h * held
+            x_2 += h * v_2
             seen += h * (x - seen) / lag if lag else 0.0
     return np.array(out)
 
@@ -97,6 +105,22 @@ def test_friction_is_found_wherever_the_damping_acts(told, names):
         assert "viscous_friction.share is at its limit" not in said
 
 
+@pytest.mark.slow
+@pytest.mark.computes
+def test_a_second_inertia_is_one_where_half_of_the_damping_acts_on_the_load():
+    """With both the plant has other numbers than Eq. 1; from those of Eq. 1 a sensor's lag made up for it."""
+    steps = np.repeat(np.random.default_rng(3).uniform(-2.0, 2.0, 70), 175)[:12000]
+    y = rig(steps, rubs=0.5, zeta=0.74, second=(0.5, 1.8 * OMEGA_N, 0.02))
+    found = diagnose([recording(steps, y, noise=2e-4)], (), Options())
+    (effect,) = found.effects
+    assert effect.name == "load_resonance"
+    assert effect.parameters["inertia"].value == pytest.approx(0.5, rel=0.03)
+    assert effect.parameters["omega"].value == pytest.approx(1.8 * OMEGA_N, rel=0.01)
+    assert found.extended.omega_n == pytest.approx(OMEGA_N / math.sqrt(1.5), rel=0.01)  # of both together
+    share = (1.0 / 1.5) / (1.0 / 1.5 + 1.0)  # what rubs slows both down
+    assert found.extended.effects["viscous_friction"]["share"] == pytest.approx(share, abs=0.05)
+
+
 @pytest.fixture(scope="module")
 def linear():
     u = command(4.0)
@@ -117,6 +141,23 @@ def test_a_twin_explains_as_much(linear):
     assert twin.model.names == ("viscous_friction",)
     assert twin.cost == pytest.approx(own.cost, abs=1e-3)
     assert at_limits(twin) == []
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_a_start_with_some_of_the_damping_at_the_load_is_the_same_plant(linear, share):
+    own = fitted(linear)
+    values = begun_from(own.model.values(own.x), {"viscous_friction.share": share})
+    assert values["omega_n"] < 0.95 * OMEGA_N
+    model = own.model.with_effect("viscous_friction")
+    assert unchanged(model, model.searched(values), linear).cost == pytest.approx(own.cost, abs=1e-3)
+    assert own.model.values(own.model.searched(values)) == pytest.approx(own.model.values(own.x))
+    assert model.values(model.searched(values)) == pytest.approx(values)
+
+
+def test_a_start_of_an_over_damped_plant_is_one_that_can_be_simulated():
+    values = begun_from({"K_L": 1.0, "omega_n": 60.0, "zeta": 3.0}, {"viscous_friction.share": 0.5})
+    assert values["omega_n"] > 0.0
+    assert values["zeta"] * values["omega_n"] == pytest.approx(180.0)
 
 
 def test_a_set_that_shows_where_the_damping_acts_has_no_twin(linear):

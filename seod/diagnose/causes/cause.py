@@ -168,6 +168,19 @@ class Elsewhere:
 
 
 @dataclass(frozen=True, slots=True)
+class SamePlant:
+    """One plant of Eq. 1 in two sets of numbers: with a cause that nothing shows alone, and without it.
+
+    Attributes:
+        begins: K_L, omega_n and zeta with it, from those of Eq. 1 and its own parameters.
+        becomes: Those of Eq. 1, from those with it.
+    """
+
+    begins: Callable[[Values], Values]
+    becomes: Callable[[Values], Values]
+
+
+@dataclass(frozen=True, slots=True)
 class Hidden:
     """A cause that two commands hide, as a change of the gain, and the next experiment that shows it.
 
@@ -253,6 +266,7 @@ class Cause:
             shows it. Empty: it shows alone.
         twin: Its parameters, by place, at which Eq. 1 is the same as without it, its numbers unchanged:
             causes are searched from there, too.
+        same_plant: The numbers with it and without where Eq. 1 is the same; None: they are no others.
         elsewhere: Another place where it may act; None: there is one alone.
         delays: It may stand for the delay of a plant of the relay's grid: its parameter is `time`.
         pure_delay: Parameter by which it is a delay and nothing else; "" without one.
@@ -285,6 +299,7 @@ class Cause:
     alike: tuple[Alike, ...] = ()
     shown_by: frozenset[str] = frozenset()
     twin: Values | None = None
+    same_plant: SamePlant | None = None
     elsewhere: Elsewhere | None = None
     delays: bool = False
     pure_delay: str = ""

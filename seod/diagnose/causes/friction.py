@@ -5,7 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from seod.diagnose.causes.cause import Alike, Cause, Coordinate, Cycle, Grid, Plain, linear, sized
+from seod.diagnose.causes.cause import (
+    Alike,
+    Cause,
+    Coordinate,
+    Cycle,
+    Grid,
+    Plain,
+    SamePlant,
+    linear,
+    sized,
+)
 from seod.diagnose.causes.flow import null_of_load
 from sim.effects import STEEPEST as STEEPEST_SIMULATED
 from sim.effects import STIFFEST, stiffest_bristles
@@ -26,8 +36,11 @@ FALLING: Final = ((0.05, 0.1), (0.1, 0.4), (0.3, 0.15))
 """Starts of friction that falls: its level likewise, and its speed over the typical one; chosen."""
 SLOWEST_FALL, QUICKEST_FALL = 0.05, 300.0
 """Speed at which friction has fallen, over the typical one, at least and at most: of more it never falls."""
-VISCOUS_STARTS: Final = ((1.0,), (0.5,))
-"""Part of the damping that is viscous friction: all of it, as in an electric drive, or half; chosen."""
+VISCOUS_STARTS: Final = ((1.0,), (0.2,), (0.5,))
+"""Part of the damping that is viscous friction: all of it, as in an electric drive, some, or half; chosen."""
+LEAST_STIFF: Final = 0.01
+"""Squared natural frequency of the oil over that of Eq. 1, at least: of zeta from 1 on half of the damping on
+either side leaves no oil at all."""
 SHOW_VISCOUS_FRICTION: Final = frozenset(
     {"coulomb_friction", "stribeck_friction", "load_resonance", "square_root_flow", "measured_disturbance"}
 )
@@ -83,6 +96,33 @@ def lugre_values(level: float, half: float, share: float = 1.0) -> Values:
     return {
         "lugre_friction.stiffness": stiff,
         "lugre_friction.damping": LUGRE_DAMPING_START * math.sqrt(stiff),
+    }
+
+
+def _both_damped(values: Values) -> float:
+    """What damping on both sides adds to Eq. 1's squared natural frequency, over (2 zeta omega_n)^2."""
+    share = values["viscous_friction.share"]
+    return share * (1.0 - share)
+
+
+def _with_viscous(values: Values) -> Values:
+    """From K_L, omega_n and zeta of Eq. 1: those with which a part of the damping acts on the load."""
+    part = max(1.0 - 4.0 * values["zeta"] ** 2 * _both_damped(values), LEAST_STIFF)
+    return _rescaled(values, part)
+
+
+def _without_viscous(values: Values) -> Values:
+    """The other way round."""
+    return _rescaled(values, 1.0 + 4.0 * values["zeta"] ** 2 * _both_damped(values))
+
+
+def _rescaled(values: Values, part: float) -> Values:
+    """With so many times the squared natural frequency, as much damping, and the same speed for a volt."""
+    root = math.sqrt(part)
+    return {
+        "K_L": values["K_L"] / part,
+        "omega_n": values["omega_n"] * root,
+        "zeta": values["zeta"] / root,
     }
 
 
@@ -192,6 +232,7 @@ VISCOUS_FRICTION: Final = Cause(
     starts=lambda _: VISCOUS_STARTS,
     shown_by=SHOW_VISCOUS_FRICTION,
     twin={"viscous_friction.share": 1.0},
+    same_plant=SamePlant(_with_viscous, _without_viscous),
     grid=Grid(sizes=lambda shares, *_: {"viscous_friction.share": shares["viscous_friction.share"]}),
     figure=lambda e: 100.0 * e["viscous_friction"]["share"],
 )

@@ -61,6 +61,8 @@ PULLS, PULLS_PLACES = next(
 """The cause that is an acceleration in proportion to the position, and its parameters."""
 TWINS: Final = {name: one.twin for name, one in CAUSES.items() if one.twin is not None}
 """Causes with which a plant of Eq. 1 is the same as without, and their parameters there."""
+SAME_PLANT: Final = {name: one.same_plant for name, one in CAUSES.items() if one.same_plant is not None}
+"""Causes beside which a plant of Eq. 1 has other numbers."""
 WHOLE_PARTS: Final = frozenset(place for twin in TWINS.values() for place in twin)
 """Places of these: whatever they are within their range, it is no limit of the search."""
 OFFSET_DRIFT_PLACE: Final = f"{OFFSET}.{CAUSES[OFFSET].drift}"
@@ -251,6 +253,20 @@ def bare(names: Collection[str]) -> bool:
 
 
 def begun_from(values: Values, start: Values) -> Values:
-    """A parent's parameters, by place, times the factors of a start; its own values replace them."""
+    """A parent's parameters, by place, times the factors of a start; its own values replace them.
+
+    A start near the parent has the parent's plant, whatever numbers that has beside its cause.
+    """
     factors = {place: start.get(f"*{place}", 1.0) for place in values}
-    return {place: value * factors[place] for place, value in values.items()} | start
+    begun = {place: value * factors[place] for place, value in values.items()} | start
+    if remote(start):
+        return begun
+    for name, same in SAME_PLANT.items():
+        if has(name, start) and not has(name, values):
+            begun |= same.begins(begun)
+    return begun
+
+
+def has(name: str, values: Collection[str]) -> bool:
+    """Whether places are a cause's, among others."""
+    return any(place.startswith(f"{name}.") for place in values)

@@ -15,8 +15,10 @@ from seod.diagnose.causes.table import (
     OFFSET,
     OFFSET_DRIFT_PLACE,
     OFFSET_PLACE,
+    SAME_PLANT,
     bound_to,
     group,
+    has,
     is_unseen,
 )
 from seod.diagnose.tuning.fitting import FIT, SUBSTEPS
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from seod.diagnose.causes.cause import Coordinate
+    from seod.diagnose.causes.cause import Coordinate, SamePlant
     from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.result import Array, Effects
 
@@ -75,11 +77,29 @@ class Model:
 
     def values(self, x: Array) -> Values:
         """Parameters at searched numbers."""
-        return {c.place: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True)}
+        values = {c.place: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True)}
+        for same in self._same_plants():
+            values |= same.begins(values)
+        return values
 
     def searched(self, values: Mapping[str, float]) -> Array:
-        """Searched numbers of parameters, within bounds."""
+        """Searched numbers of parameters, within bounds.
+
+        K_L, omega_n and zeta are searched as Eq. 1 has them, also beside a cause that changes these numbers
+        and not the plant (`causes.cause.SamePlant`): a step of that cause alone leaves the plant as it is.
+        So does leaving the cause out.
+        """
+        values = dict(values)
+        for name, same in SAME_PLANT.items():
+            if same in self._same_plants() or (name not in self.names and has(name, values)):
+                values |= same.becomes(values)
         return np.array([c.searched(values[c.place]) for c in self.coordinates])
+
+    def _same_plants(self) -> list[SamePlant]:
+        """Of the free causes; none where K_L is known: that is the plant's own."""
+        if self.coordinates[0].low == self.coordinates[0].high:
+            return []
+        return [SAME_PLANT[name] for name in self.names if name in SAME_PLANT]
 
     @property
     def bounds(self) -> tuple[Array, Array]:

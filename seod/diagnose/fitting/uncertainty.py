@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,10 @@ from seod.diagnose.tuning.fitting import UNCERTAINTY
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from seod.diagnose.causes.cause import Coordinate
+    from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.held_out import HeldOut
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.normal_equations import Normal
@@ -111,9 +115,9 @@ def _closing(fitted: Fitted) -> float:
 
 
 def base_sd(fitted: Fitted, spread: Array) -> dict[str, float]:
-    """Standard deviations of K_L, omega_n and zeta, whose logarithms are searched."""
-    values = fitted.model.values(fitted.x)
-    return {name: abs(values[name]) * math.sqrt(max(spread[k, k], 0.0)) for k, name in enumerate(BASE)}
+    """Standard deviations of K_L, omega_n and zeta."""
+    slopes = {name: _slope(fitted, itemgetter(name)) for name in BASE}
+    return {name: math.sqrt(max(float(slope @ spread @ slope), 0.0)) for name, slope in slopes.items()}
 
 
 def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
@@ -128,7 +132,7 @@ def effect_parameters(fitted: Fitted, name: str, spread: Array) -> dict[str, Par
             continue
         place = f"{name}.{each.name}"
         value = values[each.name]
-        slope = _slope(fitted, name, each.name)
+        slope = _slope_of(fitted, name, each.name)
         sd = math.sqrt(max(float(slope @ spread @ slope), 0.0))
         logarithm = any(c.place == place and c.logarithm for c in model.coordinates)
         ends = _ends(value, sd, logarithm)
@@ -161,7 +165,7 @@ def _sizes(fitted: Fitted, name: str) -> list[EffectParameter]:
 
 def _near_null(fitted: Fitted, name: str, parameter: EffectParameter, spread: Array, sds: float) -> bool:
     value = grouped(fitted.model.values(fitted.x))[name][parameter.name]
-    slope = _slope(fitted, name, parameter.name)
+    slope = _slope_of(fitted, name, parameter.name)
     reach = sds * math.sqrt(max(float(slope @ spread @ slope), 0.0))
     off = abs(value) if math.isinf(parameter.null) else abs(value - parameter.null)
     place = f"{name}.{parameter.name}"
@@ -217,18 +221,24 @@ def _null(place: str) -> float:
     return next((each.null for each in every if each.name == of), math.nan)
 
 
-def _slope(fitted: Fitted, name: str, of: str) -> Array:
-    """Of a parameter by the searched numbers."""
+def _slope_of(fitted: Fitted, name: str, of: str) -> Array:
+    """Of an effect's parameter by the searched numbers; a phase goes round."""
+    turn = 2.0 * math.pi if of == "phase" else math.inf
+    return _slope(fitted, lambda values: grouped(values)[name][of], turn)
+
+
+def _slope(fitted: Fitted, number: Callable[[Values], float], goes_round: float = math.inf) -> Array:
+    """Of a number of the model by the searched ones; shape (p,)."""
     slope = np.zeros(len(fitted.x))
     for k in range(len(slope)):
-        values = []
+        ends = []
         for sign in (1.0, -1.0):
             x = fitted.x.copy()
             x[k] += sign * UNCERTAINTY.derivative_step
-            values.append(grouped(fitted.model.values(x))[name][of])
-        change = values[0] - values[1]
-        if of == "phase":
-            change = math.remainder(change, 2.0 * math.pi)
+            ends.append(number(fitted.model.values(x)))
+        change = ends[0] - ends[1]
+        if math.isfinite(goes_round):
+            change = math.remainder(change, goes_round)
         slope[k] = change / (2.0 * UNCERTAINTY.derivative_step)
     return slope
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from seod.diagnose.causes.table import SOLVED
 from seod.diagnose.fitting.judged import Judged, loses_its_place
 from seod.diagnose.record.windows import hardly_settle, undivided
 from seod.diagnose.search.beam import as_well, least_gain
@@ -86,12 +87,23 @@ def _simplest(
     best: Judged, base: Judged, tried: Tried, held_out: Cut, screen: Screen, enough: float
 ) -> tuple[Judged, dict[str, Judged]]:
     """Plain forms and no effect too many, until neither is left: without others a plain form may do."""
+    above = _above_offset(base, tried, held_out)
     while True:
         plain = plainer(best, held_out, screen, enough)
-        own, rest = thinned(plain, tried, held_out, screen, enough, above_noise(base.held))
+        own, rest = thinned(plain, tried, held_out, screen, enough, above)
         if own is best:
             return own, rest
         best = own
+
+
+def _above_offset(base: Judged, tried: Tried, held_out: Cut) -> float:
+    """Squared error above the noise of Eq. 1, with a load where one was tried.
+
+    An offset throws it anywhere, and of that other effects have next to no share.
+    """
+    sets = [tried.get(frozenset({name})) for name in SOLVED]
+    loaded = [Judged.of(one, held_out).held for one in sets if one is not None]
+    return min(above_noise(each) for each in (base.held, *loaded))
 
 
 def _by_its_noise(best: Judged, held_out: Cut, screen: Screen) -> Judged:

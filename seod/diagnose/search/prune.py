@@ -117,7 +117,7 @@ def thinned(
 
     They have to gain where they were fitted, and on the windows held out (`held_out`), or foretell these
     much better; and their size has to be identified. `tried` are sets that were fitted, by their effects;
-    `above` is the baseline's squared held-out NRMSE above the noise.
+    `above` is the baseline's squared held-out NRMSE above the noise, beside an offset if it has one.
     """
     while True:
         rest = _rest(own.found, tried, held_out, screen)

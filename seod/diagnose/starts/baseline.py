@@ -21,7 +21,7 @@ from seod.diagnose.starts.sizes import largest_force
 from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
@@ -42,12 +42,15 @@ class BaselineFits(NamedTuple):
         other: Fitted to whole recordings, whose one initial state makes up for nothing; of those of a relay
             a plant whose own frequency is near the limit cycle's, as every plant's is that a relay drives.
         closed: The plant beside an offset and a delay, where these hide it; else None.
+        damped: A plant that is damped, where the best is hardly: that one makes harmonics of its own, which
+            stand for what bends the flow or the reading. Else None.
     """
 
     best: Fitted
     near: Fitted
     other: Fitted
     closed: Fitted | None = None
+    damped: Fitted | None = None
 
 
 class Fixed(NamedTuple):
@@ -83,7 +86,8 @@ def baseline(
     )
     points = _grid(short, sees_speed, fixed, parallel)[: BASELINE.kept_points]
     local = min(parallel(lambda point: _biased(point, short), points), key=lambda one: one.cost)
-    starts = [local, *_grid(few, sees_speed, fixed, parallel)[: BASELINE.kept_points - 1]]
+    every = _grid(few, sees_speed, fixed, parallel)
+    starts = [local, *every[: BASELINE.kept_points - 1]]
     found: list[Fitted] = list(parallel(lambda point: _plain(point, cut), starts))
     near = unchanged(*_begun(local, cut), cut)
     best = min(found, key=lambda one: one.cost)
@@ -92,7 +96,16 @@ def baseline(
     wide = undivided(cut)
     start = _grid(beginnings(wide, BASELINE.whole_rows), sees_speed, fixed, parallel)[0]
     of_whole = _plain(start, wide)
-    return BaselineFits(best, near, unchanged(of_whole.model, of_whole.x, cut))
+    return BaselineFits(
+        best, near, unchanged(of_whole.model, of_whole.x, cut), damped=_damped(best, every, cut)
+    )
+
+
+def _damped(best: Fitted, every: Sequence[_GridPoint], cut: Cut) -> Fitted | None:
+    """Fitted from the best point of the grid that is damped, if the best plant is hardly."""
+    if best.model.values(best.x)["zeta"] > BASELINE.undamped:
+        return None
+    return _plain(next(one for one in every if one.zeta >= BASELINE.damped), cut)
 
 
 def _near_limit_cycle(cut: Cut, sees_speed: bool, fixed: Fixed) -> Fitted:

@@ -73,7 +73,7 @@ def _roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
     """Those of Eq. 1, with a load or without."""
     model = replace(base.model, scales=sizes)
     found = [fit(model, cut, base.x, settled_states(model, base.x, cut))]
-    for one in filter(None, (fits.closed, fits.near, fits.other)):
+    for one in filter(None, (fits.closed, fits.near, fits.other, fits.damped)):
         other = replace(one.model, scales=sizes)
         start, nothing = settled_states(other, one.x, cut), np.zeros(len(one.x), np.bool_)
         root = fit(other, cut, one.x, start, free=nothing)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, OFFSET, TWINS, group
+from seod.diagnose.causes.table import CAUSES, OFFSET, TWINS, begun_from, group
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.starts.baseline import unchanged
@@ -39,7 +39,7 @@ def _twin(fitted: Fitted, name: str) -> Fitted:
     if not any(EFFECTS[each].enters == "load" and each != name for each in model.names):
         return unchanged(model, model.searched(values | TWINS[name]), fitted.cut)
     (*_, last) = group(name, model.scales).starts
-    x = model.searched(values | last)
+    x = model.searched(begun_from(values, last))
     return fit(model, fitted.cut, x, simulated_states(model, x, fitted.cut))
 
 

@@ -434,14 +434,19 @@ class Relay:
 
     levels: int = 4
     """[levels] Of them, at most: two, with another bias four. Chosen."""
-    usually: float = 0.4
-    """[-] Correlation of command and position in most periods, at least. Measured: 0.51 and more of 48
-    relays, at most 0.34 of a square wave of half the natural frequency; one near it counts as a relay's."""
-    mostly: float = 0.9
-    """[-] Part of the periods in which it has the sign of most. Measured: all of 48 relays, at most 0.84 of
-    binary noise that has ten periods."""
-    fewest_periods: int = 4
-    """[periods] By which it is asked. Chosen: there are as many windows."""
+    fewest_periods: int = 8
+    """[periods] By which it is asked. Chosen: fewer of binary noise are alike by chance."""
+    changes: float = 0.26
+    """[-] Logarithm of a period's length over that of the one before, at most, in most periods. Measured: at
+    most 0.24 of 113 relays, some of which wait a quarter period in every other phase. Binary noise whose
+    movement is otherwise a relay's: 0.288 (four clocks after three) and more."""
+    part: float = 0.25
+    """[-] Part of the periods whose switches are as near as that. Chosen: in half of its phases a relay may
+    wait."""
+    apart: float = 0.45
+    """[-] Distance of the places of both switches, over the range of places, at most. Measured: 0.16 and less
+    of 113 relays, 0.33 and less where the whole movement is a coarse sensor's step or two; 0.6 and more of
+    430 square waves, with a spring or without, one of which has the plant's own frequency."""
 
 
 RELAY: Final = Relay()

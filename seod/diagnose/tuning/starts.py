@@ -44,6 +44,10 @@ class Baseline:
     slowest_ticks: float = 2e-3
     """[rad] omega_n times the sampling interval, at most: at 1 kHz and above `slowest_plant` holds.
     Chosen."""
+    undamped: float = 0.02
+    """[-] zeta of the best plant up to which one that is damped is fitted, too. Chosen: the grid's least."""
+    damped: float = 0.4
+    """[-] zeta from which on a point of the grid is damped. Chosen."""
     short_segment_s: float = 0.25
     """[s] Least length of the short segments. Chosen."""
     short_segment_rows: int = 100
