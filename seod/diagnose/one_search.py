@@ -30,6 +30,7 @@ from seod.diagnose.search.screen import screen
 from seod.diagnose.starts.baseline import BaselineFits, Fixed, baseline
 from seod.diagnose.starts.search_roots import also_from, hidden_by_offset, search_roots
 from seod.diagnose.starts.sizes import scales
+from seod.diagnose.starts.twins import beside_all_shown
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import FREE_RUN, HELD_OUT
 from seod.diagnose.tuning.verdict import PIPELINE
@@ -153,12 +154,21 @@ def _findings(
     while (none := without_a_size(chosen, choice)) is not None:
         choice = choice.less(none, grown.tried, held_out, screened)
         base, chosen = _reported(choice, start, unseen, setup)
+    chosen = _beside_all_shown(chosen, setup)
     is_base = chosen.without_held_out is base.found
     last_base = chosen.all_rows if is_base else _by_all_rows(base.found, start, setup, as_recorded=True)
     chosen = replace(chosen, per_holdout=_per_holdout(chosen.reported, len(to_fit.series), unseen, setup))
     effects = found_effects(chosen, screened, grown.tried)
     seen = Judged.of(chosen.without_held_out, to_fit).held
     return Findings(base.found, last_base, base.held, chosen, seen, tuple(effects), grown)
+
+
+def _beside_all_shown(chosen: Chosen, setup: SearchSetup) -> Chosen:
+    """With numbers that are told beside all that they show."""
+    told = beside_all_shown(chosen.reported, setup.parallel, setup.budget.last_fit())
+    if chosen.drift is None:
+        return replace(chosen, all_rows=told)
+    return replace(chosen, drift=chosen.drift._replace(fitted=told))
 
 
 def _reported(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetup) -> tuple[Judged, Chosen]:

@@ -13,6 +13,7 @@ from diagnose_truth import RATE, recording
 
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import begun_from, further_causes
+from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import at_limits
 from seod.diagnose.pipeline import Options, diagnose
@@ -20,7 +21,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, fitted_windows
 from seod.diagnose.report.words import consequences
 from seod.diagnose.starts.baseline import unchanged
-from seod.diagnose.starts.twins import twins
+from seod.diagnose.starts.twins import beside_all_shown, twins
 
 STEPS = 20
 K_L, OMEGA_N, ZETA = 10.0, 60.0, 0.4
@@ -171,6 +172,28 @@ def test_a_constant_load_is_the_valves_centre_where_nothing_leaks(linear):
     assert set(twin.model.names) == {"null_shift", "viscous_friction"}
     volts = twin.model.values(twin.x)["null_shift.voltage"]
     assert volts == pytest.approx(2.0 * ZETA * load / (OMEGA_N * K_L))
+
+
+@pytest.mark.slow
+def test_numbers_are_told_beside_where_the_damping_acts():
+    """Whether that gains enough or not: as if all leaked, friction comes out too small, and sure of it."""
+    u = command(4.0)
+    windows = fitted_windows(
+        cut([series(recording(u, rig(u, level=200.0, rubs=0.5), noise=3e-3), sees_speed=False)])[0]
+    )
+    began = fitted(windows, "coulomb_friction", **{"coulomb_friction.level": 150.0})
+    alone = fit(began.model, windows, began.x, began.start)
+    beside = beside_all_shown(alone, map, lambda: False)
+    assert alone.model.values(alone.x)["coulomb_friction.level"] < 190.0
+    values = beside.model.values(beside.x)
+    assert values["viscous_friction.share"] == pytest.approx(0.5, abs=0.05)
+    assert values["coulomb_friction.level"] == pytest.approx(200.0, rel=0.02)
+    assert beside_all_shown(beside, map, lambda: False) is beside
+
+
+def test_what_nothing_shows_is_not_told_beside_numbers(linear):
+    own = fitted(linear, "load_bias", **{"load_bias.acceleration": 1.0})
+    assert beside_all_shown(own, map, lambda: False) is own
 
 
 def test_beside_eq_1_alone_only_what_shows_it_is_tried():

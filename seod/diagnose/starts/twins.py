@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, OFFSET, TWINS, begun_from, group
-from seod.diagnose.fitting.initial_states import simulated_states
+from seod.diagnose.fitting.initial_states import begun_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.starts.baseline import unchanged
+from seod.diagnose.tuning.search import REFINE
 from sim.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
 
 
 def twins(some: Sequence[Fitted]) -> list[Fitted]:
@@ -25,6 +27,28 @@ def twins(some: Sequence[Fitted]) -> list[Fitted]:
     the set is fitted from the cause's last start.
     """
     return [_twin(fitted, name) for fitted in some for name in TWINS if _is_open(fitted.model, name)]
+
+
+def beside_all_shown(fitted: Fitted, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
+    """The set with each cause of `TWINS` that it shows and lacks, from that one's last start.
+
+    Whether that one gains enough to be told is not asked: as long as it is not known, neither are the others.
+    A friction came out as if all damping leaked, far too small, and sure of it.
+    """
+    for name in TWINS:
+        acting = {*fitted.model.names, *fitted.model.fixed}
+        if name not in acting and not CAUSES[name].shown_by.isdisjoint(fitted.model.names):
+            fitted = _beside(fitted, name, parallel, ended)
+    return fitted
+
+
+def _beside(fitted: Fitted, name: str, parallel: ParallelMap, ended: Callable[[], bool]) -> Fitted:
+    model = fitted.model.with_effect(name)
+    (*_, last) = group(name, model.scales).starts
+    x = model.searched(begun_from(fitted.model.values(fitted.x), last))
+    start = begun_states(model, x, fitted.cut, fitted.start)
+    found = fit(model, fitted.cut, x, start, REFINE.fine_steps, parallel, ended=ended)
+    return found if found.cost < fitted.cost else fitted
 
 
 def _is_open(model: Model, name: str) -> bool:
