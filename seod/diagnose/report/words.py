@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from seod.diagnose.account.grade import would_have_shown
-from seod.diagnose.causes.table import CAUSES, sentence
+from seod.diagnose.causes.table import CAUSES, TWINS, sentence
 from seod.diagnose.report.units import Units
 from seod.diagnose.tuning.fitting import HELD_OUT
 from seod.terminal.text import figure, number, with_sd
@@ -17,10 +17,20 @@ from sim.effects import EFFECTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from seod.diagnose.result import Common, Diagnosis, Evidence, FoundEffect, Grade, OnLoad, Parameter, Score
+    from seod.diagnose.result import (
+        Common,
+        Diagnosis,
+        Effects,
+        Evidence,
+        FoundEffect,
+        Grade,
+        OnLoad,
+        Parameter,
+        Score,
+    )
 
 _LEAST: Final = 0.1
-"""Change of zeta, omega_n or K_L that is one, and part of a command that is an offset [%]."""
+"""Change of zeta, omega_n or K_L that is one, part of a command that is an offset, and of the damping [%]."""
 GRADES: Final[dict[Grade, str]] = {
     "useless": "the model foretells held-out windows no better than their mean, or than Eq. 1 alone",
     "partly": "the model foretells a part of the movement",
@@ -177,8 +187,18 @@ def _meant(d: Diagnosis) -> Iterator[str]:
         if effect.name in CAUSES:
             yield f"{effect.name}: {sentence(effect.name, effects)}"
     for name in effects:
-        if name in CAUSES and (CAUSES[name].needs or CAUSES[name].shown_by):
+        if (
+            name in CAUSES
+            and (CAUSES[name].needs or CAUSES[name].shown_by)
+            and not _hardly_acts(name, effects)
+        ):
             yield f"{name}: {sentence(name, effects)}"
+
+
+def _hardly_acts(name: str, effects: Effects) -> bool:
+    """Whether next to nothing of a plant is what a cause of `TWINS` could make all of it."""
+    whole = {place.split(".")[1]: size for place, size in TWINS.get(name, {}).items()}
+    return bool(whole) and all(100.0 * effects[name][of] < _LEAST * size for of, size in whole.items())
 
 
 def _vague(score: Score) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seod.diagnose.causes.table import CAUSES, OFFSET, TWINS, begun_from, group
-from seod.diagnose.fitting.initial_states import begun_states, simulated_states
+from seod.diagnose.fitting.initial_states import best_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.starts.baseline import unchanged
 from seod.diagnose.tuning.search import REFINE
@@ -46,7 +46,7 @@ def _beside(fitted: Fitted, name: str, parallel: ParallelMap, ended: Callable[[]
     model = fitted.model.with_effect(name)
     (*_, last) = group(name, model.scales).starts
     x = model.searched(begun_from(fitted.model.values(fitted.x), last))
-    start = begun_states(model, x, fitted.cut, fitted.start)
+    start = best_states(model, x, fitted.cut, fitted.start, simulated_states(model, x, fitted.cut))
     found = fit(model, fitted.cut, x, start, REFINE.fine_steps, parallel, ended=ended)
     return found if found.cost < fitted.cost else fitted
 
