@@ -280,7 +280,7 @@ def test_nrmse_takes_the_mean_of_each_window_away():
 
 @pytest.mark.slow
 def test_sizes_are_those_of_the_movement(clean, begun):
-    near, found, whole, _ = begun
+    near, found, whole, *_ = begun
     sizes = scales(near, clean[0])
     speed = linear(multisine(8000), speed=True)
     assert sizes.speed == pytest.approx(np.std(speed), rel=0.1)

@@ -52,9 +52,8 @@ SLOW_LAG: Final = ({"*omega_n": 2.5, "*zeta": 0.2},)
 """Factors where a baseline took a lag for its damping, so that its plant does not oscillate; chosen."""
 LIGHTEST_SPOOL_TICKS: Final = 2.0
 """Natural frequency of such a spool times the sampling interval, at most: no samples show a quicker one."""
-RAMPS: Final = (0.3, 1.0, 3.0, 10.0)
-"""Starts of a valve of limited speed: radians of the plant for its way from one end to the other. Chosen:
-the last is of a valve that hardly follows broad noise."""
+RAMPS: Final = (0.3, 1.0, 3.0)
+"""Starts of a valve of limited speed: radians of the plant for its way from one end to the other; chosen."""
 LONGEST_RAMP: Final = 100.0
 """The same, at most: such a valve holds back all that the plant could do; chosen."""
 
