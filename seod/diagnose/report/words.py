@@ -196,7 +196,7 @@ def _meant(d: Diagnosis) -> Iterator[str]:
 
 
 def _hardly_acts(name: str, effects: Effects) -> bool:
-    """Whether next to nothing of a plant is what a cause of `TWINS` could make all of it."""
+    """Whether a cause that could be all of a part of the plant (`TWINS`) is next to nothing of it."""
     whole = {place.split(".")[1]: size for place, size in TWINS.get(name, {}).items()}
     return bool(whole) and all(100.0 * effects[name][of] < _LEAST * size for of, size in whole.items())
 
