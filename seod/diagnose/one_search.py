@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from seod.diagnose.account.account import accounted
-from seod.diagnose.account.prediction_errors import Predicted, Predictions
+from seod.diagnose.account.prediction_errors import Predicted, Predictions, in_closed_loop, is_moved
 from seod.diagnose.fitting.free_run import fitted_in_one_run, fitted_to_all_rows
 from seod.diagnose.fitting.held_out import simulate_held_out
 from seod.diagnose.fitting.initial_states import simulated_states
@@ -33,7 +33,7 @@ from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.twins import beside_all_shown
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.fitting import FREE_RUN, HELD_OUT
-from seod.diagnose.tuning.verdict import PIPELINE
+from seod.diagnose.tuning.verdict import ANSWER, PIPELINE
 from seod.diagnose.verdict.answer import Findings
 from seod.diagnose.verdict.effects import Chosen, found_effects, without_a_size
 
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.closed_form import ClosedForm
     from seod.diagnose.record.series import Series
+    from seod.diagnose.search.beam import Grown
     from seod.diagnose.search.budget import Budget
     from seod.diagnose.search.other_timing import OtherTiming
     from seod.diagnose.search.screen import Screen
@@ -150,10 +151,10 @@ def _findings(
     progress("fitting the best", 0.6)
     choice = choose(base, grown, small, held_out, screened)
     progress("measuring the gain", 0.8)
-    base, chosen = _reported(choice, start, unseen, setup)
+    base, chosen = _reported(choice, grown, start, unseen, setup)
     while (none := without_a_size(chosen, choice)) is not None:
         choice = choice.less(none, grown.tried, held_out, screened)
-        base, chosen = _reported(choice, start, unseen, setup)
+        base, chosen = _reported(choice, grown, start, unseen, setup)
     chosen = _beside_all_shown(chosen, setup)
     is_base = chosen.without_held_out is base.found
     last_base = chosen.all_rows if is_base else _by_all_rows(base.found, start, setup, as_recorded=True)
@@ -171,9 +172,12 @@ def _beside_all_shown(chosen: Chosen, setup: SearchSetup) -> Chosen:
     return replace(chosen, drift=chosen.drift._replace(fitted=told))
 
 
-def _reported(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetup) -> tuple[Judged, Chosen]:
+def _reported(
+    choice: Choice, grown: Grown, start: SearchStart, unseen: Cut, setup: SearchSetup
+) -> tuple[Judged, Chosen]:
     """Baseline and set as they are reported: where more than white noise is left, by what noise remembers."""
-    return _remembering(choice, *_measured(choice, start, unseen, setup), start, unseen, setup)
+    base, chosen = _measured(choice, start, unseen, setup)
+    return _remembering(choice, grown, base, chosen, start, unseen, setup)
 
 
 def _measured(choice: Choice, start: SearchStart, unseen: Cut, setup: SearchSetup) -> tuple[Judged, Chosen]:
@@ -206,12 +210,18 @@ def _most(choice: Choice) -> float:
 
 
 def _remembering(
-    choice: Choice, base: Judged, chosen: Chosen, start: SearchStart, unseen: Cut, setup: SearchSetup
+    choice: Choice,
+    grown: Grown,
+    base: Judged,
+    chosen: Chosen,
+    start: SearchStart,
+    unseen: Cut,
+    setup: SearchSetup,
 ) -> tuple[Judged, Chosen]:
     """The same where more than white noise is left: by prediction errors, or beside a load that drifts."""
     if choice.best.held.adequacy <= HELD_OUT.adequate:
         return base, chosen
-    predicted = _by_predictions(choice, chosen.without_held_out, start, setup)
+    predicted = _by_predictions(choice, grown, chosen.without_held_out, start, setup)
     if predicted is None:
         drift = drifting_load(
             chosen.all_rows, chosen.all_rows.cut.series, setup.parallel, setup.budget.drift()
@@ -225,19 +235,25 @@ def _remembering(
 
 
 def _by_predictions(
-    choice: Choice, found: Fitted, start: SearchStart, setup: SearchSetup
+    choice: Choice, grown: Grown, found: Fitted, start: SearchStart, setup: SearchSetup
 ) -> Predicted | None:
     """The set fitted by prediction errors; None where these leave something systematic.
 
     Or where they simulate worse than a fit of the simulation: both come to the plant where noise is left. Or
     far worse than the set that was chosen: no loop makes so much of noise. Or no better than a mean: what no
-    plant moves has a past as well, which foretells it.
+    plant moves has a past as well, which foretells it. In a loop Eq. 1 alone may do all of this, if commands
+    move the load for certain: what disturbs it passes for its answer there, and nothing named is lost. A
+    cause that saved much by simulations has to save prediction errors as well then, or it is none.
     """
     asked = start.to_fit, start.held_out
 
+    def may_be_far(fitted: Fitted) -> bool:
+        return not found.model.names and in_closed_loop(fitted) and is_moved(fitted)
+
     def noise_alone(fitted: Fitted) -> bool:
         seen, held = (simulate_held_out(fitted.model, fitted.x, cut) for cut in asked)
-        if held.nrmse > min(PREDICTION.given_up * choice.best.held.nrmse, 1.0):
+        near = held.nrmse <= min(PREDICTION.given_up * choice.best.held.nrmse, 1.0)
+        if not near and not may_be_far(fitted):
             return False
         account, _ = accounted(fitted, seen, held, choice.base.held, predicted=True)
         return account is not None and account.systematic == 0.0 and account.asked
@@ -246,8 +262,13 @@ def _by_predictions(
     predicted = how.predicted(found)
     if predicted is None:
         return None
+    if not predicted.fitted.model.names and in_closed_loop(predicted.fitted):
+        alone = grown.saved_alone(ANSWER.saved_alone)
+        if any(setup.parallel(lambda one: how.saves(one, predicted.fitted), alone)):
+            return None
     own, simulated = (Judged.of(one, start.held_out).held for one in (predicted.fitted, predicted.simulated))
-    return predicted if own.nrmse <= PREDICTION.as_far * simulated.nrmse else None
+    near = own.nrmse <= PREDICTION.as_far * simulated.nrmse
+    return predicted if near or may_be_far(predicted.fitted) else None
 
 
 def _per_holdout(reported: Fitted, seen: int, unseen: Cut, setup: SearchSetup) -> tuple[Fitted | None, ...]:

@@ -5,6 +5,7 @@ The plant is stepped by the exponential of its matrix, apart from `sim`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,25 +14,30 @@ import pytest
 from scipy.linalg import expm
 
 from seod.data import Recording
+from seod.diagnose.account.loop import beside_commands
 from seod.diagnose.account.prediction_errors import Predictions, in_closed_loop
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.fitting.initial_states import simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.model import baseline_model
 from seod.diagnose.fitting.uncertainty import covariance
+from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.memory import has_past, unforeseen
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, fitted_windows
 
 TRUTH = {"K_L": 20.0, "omega_n": 100.0, "zeta": 0.5}
+DAMPED = {**TRUTH, "zeta": 0.8}
 RATE, N = 1000.0, 12000
 T = np.arange(N) / RATE
 GUSTS = 60.0
+STRONG = 400.0
+"""They make half of what the relay makes of the movement."""
 
 
-def stepped(command, seed=1):
+def stepped(command, seed=1, truth=TRUTH, gusts=GUSTS):
     """Readings and commands of Eq. 1 as a position, under random forces; `command(y, k)` gives the volts."""
-    K_L, omega_n, zeta = TRUTH.values()
+    K_L, omega_n, zeta = truth.values()
     a = np.zeros((5, 5))  # position, speed, acceleration by the oil, command, force
     a[0, 1] = a[1, 2] = 1.0
     a[1, 4] = 1.0
@@ -43,7 +49,7 @@ def stepped(command, seed=1):
     for k in range(N):
         y[k] = state[0] + 1e-3 * random.normal()
         u[k] = state[3] = command(y[k], k)
-        state[4] = keep * state[4] + GUSTS * np.sqrt(1.0 - keep**2) * random.normal()
+        state[4] = keep * state[4] + gusts * np.sqrt(1.0 - keep**2) * random.normal()
         state = step @ state
     return y, u
 
@@ -67,11 +73,15 @@ def servo(y, k):
     return 4.0 * (0.5 * np.sin(2.0 * np.pi * 0.7 * T[k]) - y)
 
 
-def found(command):
-    """Fitted by its simulation, and by prediction errors."""
-    y, u = stepped(command)
+def recorded(y, u):
     rows = np.arange(1, N + 1)
-    one = series(Recording((Path("loop.csv"),), T, u, y, None, None, None, rows, {}, {}, ()))
+    return Recording((Path("loop.csv"),), T, u, y, None, None, None, rows, {}, {}, ())
+
+
+def found(command, **how):
+    """Fitted by its simulation, and by prediction errors."""
+    y, u = stepped(command, **how)
+    one = series(recorded(y, u))
     halves = cut([one])
     to_fit = fitted_windows(halves[0])
     size = float(np.std(y))
@@ -83,9 +93,9 @@ def found(command):
     return plain, how.predicted(plain)
 
 
-def off(fitted):
+def off(fitted, truth=TRUTH):
     values = fitted.model.values(fitted.x)
-    return np.array([np.log(values[name] / true) for name, true in TRUTH.items()])
+    return np.array([np.log(values[name] / true) for name, true in truth.items()])
 
 
 @pytest.mark.slow
@@ -98,6 +108,50 @@ def test_under_a_relay_that_answers_to_gusts_the_plant_is_found():
     assert np.max(np.abs(off(plain))) > 1.0
     assert predicted.told is predicted.fitted
     assert predicted.fitted.cut.memory
+
+
+@pytest.mark.slow
+def test_under_gusts_that_move_the_load_half_as_much_as_the_relay_does_the_plant_is_found():
+    """The simulation's fit is a plant of little damping then, and what it leaves is far from the gusts."""
+    plain, predicted = found(relay(), truth=DAMPED, gusts=STRONG)
+    assert predicted is not None
+    sd = np.sqrt(np.diag(covariance(predicted.fitted)))
+    assert np.max(np.abs(off(predicted.fitted, DAMPED)) / sd) < 4.0
+    assert np.max(sd) < 0.1
+    assert np.max(np.abs(off(plain, DAMPED))) > 1.0
+
+
+@pytest.mark.slow
+def test_such_a_recording_is_clean_and_tells_the_plant():
+    told = diagnose([recorded(*stepped(relay(), truth=DAMPED, gusts=STRONG))], (), Options(effort="quick"))
+    assert (told.verdict, told.effects) == ("clean", ())
+    for name, true in DAMPED.items():
+        assert getattr(told.extended, name) == pytest.approx(true, rel=0.1)
+
+
+def test_what_disturbs_readings_beside_commands_is_foretold_by_its_own_past():
+    """Of any plant that is linear, in a loop: none is fitted."""
+    random = np.random.default_rng(5)
+    y, u, memory = np.zeros(N), np.zeros(N), np.array([1.2, -0.5])
+    disturbance = np.zeros(N)
+    for k in range(2, N):
+        disturbance[k] = memory @ disturbance[[k - 1, k - 2]] + random.normal()
+        y[k] = disturbance[k] + 3.0 * u[k - 1]
+        u[k] = -1.0 if y[k] > 1.0 else 1.0 if y[k] < -1.0 else u[k - 1]
+    one = series(recorded(y, u), sees_speed=True)
+    found_memory = beside_commands(cut([one]))
+    np.testing.assert_allclose(found_memory[:2], memory, atol=0.05)
+    np.testing.assert_allclose(found_memory[2:], 0.0, atol=0.06)
+
+
+def test_few_rows_tell_nothing_of_what_disturbs_them():
+    y, u = stepped(relay())
+    one = series(recorded(y, u))
+    few = [
+        replace(half, windows=tuple((k, first, first + 40) for k, first, _ in half.windows[:1]))
+        for half in cut([one])
+    ]
+    assert beside_commands(few) == ()
 
 
 @pytest.mark.slow

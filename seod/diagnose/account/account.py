@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from seod.diagnose.account.black_box import foretold
 from seod.diagnose.account.chance import may_pass, usable
 from seod.diagnose.account.load_noise import on_load
-from seod.diagnose.account.loop import is_closed
+from seod.diagnose.account.loop import acts_on_errors
 from seod.diagnose.account.residual import Plant, mean_square, not_repeated, window_residuals
 from seod.diagnose.account.with_movement import comes_with_movement
 from seod.diagnose.account.yardstick import beaten, yardstick
@@ -90,7 +88,7 @@ def accounted(
     ):
         return None, None
     plant = Plant.of(found.model, found.x)
-    in_loop = _in_loop(held.cut.series, [*parts, *own])
+    in_loop = acts_on_errors(held.cut.series, [*parts, *own])
     shown = systematic([*parts, *own], held.cut.series, plant, in_loop=in_loop)
     other = yardstick(seen.cut, held.cut)
     if noise_alone:
@@ -139,15 +137,6 @@ def _by_yardstick(
 
 def _is_a_plant(found: Fitted, held: Cut) -> bool:
     return not at_limits(found) and not rings(found.model, found.x, held)
-
-
-def _in_loop(every: Sequence[Series], parts: Sequence[WindowResidual]) -> bool:
-    """Whether a relay or a servo loop acts on what disturbs the load."""
-    noise = colour(parts)
-    errors = [noise.whitened(np.where(one.scored, one.error, 0.0)) for one in parts]
-    past = [noise.has_past(one.scored) for one in parts]
-    known = [np.where(some, error, 0.0) for some, error in zip(past, errors, strict=True)]
-    return any(one.relayed for one in every) or is_closed([one.u for one in parts], known)
 
 
 def systematic(

@@ -8,12 +8,12 @@ it, and fits to them come to the plant, in a loop and without one (Ljung, System
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seod.diagnose.account.loop import is_closed
+from seod.diagnose.account.loop import acts_on_errors, beside_commands, is_closed
 from seod.diagnose.account.residual import window_residuals
 from seod.diagnose.causes.table import CAUSES
 from seod.diagnose.fitting.held_out import simulate_held_out
@@ -21,6 +21,7 @@ from seod.diagnose.fitting.initial_states import begun_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.fitting.noise_colour import colour
 from seod.diagnose.fitting.slow_offset import slow_part
+from seod.diagnose.fitting.uncertainty import base_sd, covariance
 from seod.diagnose.search.beam import least_gain
 from seod.diagnose.tuning.account import PREDICTION
 from seod.diagnose.tuning.search import REFINE
@@ -28,6 +29,7 @@ from seod.diagnose.tuning.search import REFINE
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from seod.diagnose.account.residual import WindowResidual
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.fitting.work import ParallelMap
@@ -51,7 +53,7 @@ class Predicted:
     @property
     def told(self) -> Fitted:
         """By which numbers are told: the simulation's, unless commands answer to what disturbs the load."""
-        return self.fitted if self.fitted.cut.relayed or in_closed_loop(self.fitted) else self.simulated
+        return self.fitted if in_closed_loop(self.fitted) else self.simulated
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +101,26 @@ class Predictions:
             each = [self.with_own_noise(one) for one in each]
         return min(each, key=lambda one: one.cost)
 
+    def saves(self, other: Fitted, found: Fitted) -> bool:
+        """Whether another set saves prediction errors, beside the noise of the one that was found."""
+        begun = other.model.searched(other.model.values(other.x) | found.model.values(found.x))
+        errors = self.fitted(other.model, replace(other, x=begun), found.cut)
+        return found.cost - errors.cost > least_gain(found.cut)
+
     def with_own_noise(self, found: Fitted) -> Fitted:
-        """A set, fitted by what the noise that its own simulation leaves does not foretell."""
+        """A set, fitted by what noise does not foretell: what its own simulation leaves.
+
+        In a loop this simulation may be far from the plant's, and noise that is far from the plant's own
+        leads no nearer. What is left beside past readings and commands needs no plant: the likelier counts.
+        """
+        own = found
         for _ in range(PREDICTION.rounds):
-            found = self.fitted(found.model, found, self._in_own_noise(found))
-        return found
+            own = self.fitted(own.model, own, self._in_own_noise(own))
+        if not self._acts_on_errors(found):
+            return own
+        return min(
+            own, self.fitted(found.model, found, self._beside_commands(found)), key=lambda one: one.cost
+        )
 
     def fitted(self, model: Model, near: Fitted, cut: Cut) -> Fitted:
         """A model from the numbers and initial states of one near it."""
@@ -114,20 +131,40 @@ class Predictions:
         return fit(model, cut, x, start, REFINE.fine_steps, self.parallel, ended=ended, enough=enough)
 
     def _in_own_noise(self, found: Fitted) -> Cut:
-        every = (simulate_held_out(found.model, found.x, cut) for cut in self.asked)
-        parts = [part for held in every for part in window_residuals(held, held_out=False)]
+        parts = self._left(found)
         if not parts:
             return found.cut.remembering(())
         noise = colour(parts)
         return found.cut.remembering(noise.memory, slow_part(noise, found.cut))
 
+    def _beside_commands(self, found: Fitted) -> Cut:
+        memory = beside_commands(self.asked)
+        noise = replace(colour(self._left(found)), memory=memory)
+        return found.cut.remembering(memory, slow_part(noise, found.cut))
+
+    def _acts_on_errors(self, found: Fitted) -> bool:
+        parts = self._left(found)
+        return bool(parts) and acts_on_errors(found.cut.series, parts)
+
+    def _left(self, found: Fitted) -> list[WindowResidual]:
+        every = (simulate_held_out(found.model, found.x, cut) for cut in self.asked)
+        return [part for held in every for part in window_residuals(held, held_out=False)]
+
 
 def in_closed_loop(fitted: Fitted) -> bool:
     """Whether commands answer to what was not foretold of the readings before."""
     cut = fitted.cut
+    if cut.relayed:
+        return True
     error = np.where(cut.good, weighted(fitted.model, cut, fitted.x, fitted.start), 0.0)
     u = cut.gathered("u")
     return is_closed([u[rows] for rows in cut.slices], [error[rows] for rows in cut.slices])
+
+
+def is_moved(fitted: Fitted) -> bool:
+    """Whether commands move the load for certain: by how well K_L is known."""
+    gain = fitted.model.values(fitted.x)["K_L"]
+    return abs(gain) > PREDICTION.sure_gain * base_sd(fitted, covariance(fitted))["K_L"]
 
 
 def _saved(without: Fitted, found: Fitted) -> float:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import plain_forms
+from seod.diagnose.causes.table import CAUSES, SOLVED, plain_forms
 from seod.diagnose.search.noise_alone import noise_alone
 from seod.diagnose.search.race import elsewhere, extended
 from seod.diagnose.starts.twins import twins
@@ -49,6 +49,26 @@ class Grown:
 
     best: list[Fitted]
     tried: dict[frozenset[str], Fitted] = field(default_factory=dict)
+
+    @property
+    def baseline(self) -> Fitted:
+        """Without any effect."""
+        return self.best[-1]
+
+    def alone(self) -> dict[str, Fitted]:
+        """Of each cause that was tried alone, its fit."""
+        return {one.model.names[0]: one for one in self.tried.values() if len(one.model.names) == 1}
+
+    def saved_alone(self, least: float) -> list[Fitted]:
+        """Fits of one cause, no load and no wave, that saved so much of the mean log squared error.
+
+        A plant that oscillates makes nearly a wave of noise, and of a position any noise that acts on the
+        load nearly an offset.
+        """
+        neither = (
+            one for name, one in self.alone().items() if name not in SOLVED and CAUSES[name].wave is None
+        )
+        return [one for one in neither if self.baseline.cost - one.cost > least]
 
 
 def grow(screen: Screen, roots: Roots, progress: Callable[[float], None]) -> Grown:

@@ -11,7 +11,7 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.halves import noise_is_larger, one_sided
-from seod.diagnose.causes.table import CAUSES, SOLVED
+from seod.diagnose.account.prediction_errors import in_closed_loop
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import wholes
 from seod.diagnose.fitting.judged import Judged
@@ -95,7 +95,8 @@ def answered(
     elif _saved_alone(findings):
         rest = relevant(rest, held.nrmse, relevance)
     elif held.adequacy >= HELD_OUT.adequate:
-        rest = systematic_part(rest, account, held.nrmse, relevance, named=bool(findings.effects))
+        named, alone = bool(findings.effects), chosen.noise_alone
+        rest = systematic_part(rest, account, held.nrmse, relevance, named=named, noise_alone=alone)
     defects = record_effects(checked, held, best)
     for shown in shown_by_samples(checked):
         numbers = {of: each.value for of, each in shown.parameters.items()}
@@ -198,7 +199,7 @@ def _experiment(findings: Findings, held_out: Cut) -> NextExperiment | None:
     told = next_experiment(findings.effects, *asked)
     if told is not None:
         return told
-    sizes = findings.grown.best[-1].model.scales  # the model's own are rough ones where nothing is found
+    sizes = findings.grown.baseline.model.scales  # the model's own are rough ones where nothing is found
     return beyond_a_relay(replace(best.model, scales=sizes), *asked[1:]) if sizes.two_commands else None
 
 
@@ -222,15 +223,17 @@ def _verdict(effects: Sequence[FoundEffect], rest: Unexplained) -> Verdict:
 def _saved_alone(findings: Findings) -> bool:
     """Whether nothing is named though one cause, no load and no wave, saved much where it was fitted.
 
-    No noise does that, and a past that foretells all of it does not make it one. A plant that oscillates
-    makes nearly a wave of noise, and of a position any noise that acts on the load nearly an offset.
+    No noise does that, and a past that foretells all of it does not make it one. In a loop it does: there
+    prediction errors were asked.
     """
-    if findings.effects or findings.chosen.held.adequacy < HELD_OUT.adequate:
+    chosen = findings.chosen
+    if (
+        findings.effects
+        or chosen.held.adequacy < HELD_OUT.adequate
+        or (chosen.noise_alone and in_closed_loop(chosen.without_held_out))
+    ):
         return False
-    neither = [
-        each for each in _candidates(findings) if each.name not in SOLVED and CAUSES[each.name].wave is None
-    ]
-    return any(each.gain > ANSWER.saved_alone for each in neither)
+    return bool(findings.grown.saved_alone(ANSWER.saved_alone))
 
 
 def _windows(findings: Findings, base: HeldOut, best: HeldOut) -> list[Window]:
@@ -241,8 +244,7 @@ def _windows(findings: Findings, base: HeldOut, best: HeldOut) -> list[Window]:
 
 def _candidates(findings: Findings) -> tuple[Candidate, ...]:
     """Causes that were tried alone, by what they save of the mean log squared error."""
-    reference = findings.grown.best[-1].cost
-    names = {each.name for each in findings.effects}
-    alone = [(one.model.names[0], one) for one in findings.grown.tried.values() if len(one.model.names) == 1]
+    reference, names = findings.grown.baseline.cost, {each.name for each in findings.effects}
+    alone = findings.grown.alone().items()
     out = (Candidate(name, reference - one.cost, name in names) for name, one in alone)
     return tuple(sorted(out, key=lambda each: -each.gain))

@@ -31,7 +31,13 @@ def unexplained(baseline: HeldOut, extended: HeldOut) -> Unexplained:
 
 
 def systematic_part(
-    left: Unexplained, account: Account | None, rest: float, relevance: float, *, named: bool
+    left: Unexplained,
+    account: Account | None,
+    rest: float,
+    relevance: float,
+    *,
+    named: bool,
+    noise_alone: bool = False,
 ) -> Unexplained:
     """Of what is left above white noise what is systematic; nothing, where that is not relevant.
 
@@ -42,10 +48,12 @@ def systematic_part(
         rest: NRMSE of what is left.
         relevance: Systematic NRMSE up to which it does not matter.
         named: Causes are. Where none is, Eq. 1 is said to be right: that has to be told then.
+        noise_alone: Prediction errors are noise: it is the plant, however little of the movement it makes.
     """
     if left.fraction == 0.0:
         return left
-    if account is None or not account.asked or rest >= 1.0 or (not named and untold(account, rest)):
+    no_plant = rest >= 1.0 and not noise_alone
+    if account is None or not account.asked or no_plant or (not named and untold(account, rest)):
         return relevant(left, rest, relevance)
     above = account.explained + account.systematic
     if not account.systematic_nrmse > relevance or not above > 0.0:
