@@ -230,7 +230,9 @@ def _remembering(
     own = Judged.of(predicted.told, unseen)
     without = {name: Judged.of(one, unseen) for name, one in predicted.without.items()}
     all_rows = _by_all_rows(own.found, start, setup)
-    chosen = Chosen(own.found, own.found, all_rows, without, own.held, noise_alone=True)
+    chosen = Chosen(
+        own.found, own.found, all_rows, without, own.held, noise_alone=True, in_loop=predicted.in_loop
+    )
     return (base if own.found.model.names else own), chosen
 
 
@@ -262,7 +264,7 @@ def _by_predictions(
     predicted = how.predicted(found)
     if predicted is None:
         return None
-    if not predicted.fitted.model.names and in_closed_loop(predicted.fitted):
+    if not predicted.fitted.model.names and predicted.in_loop:
         alone = grown.saved_alone(ANSWER.saved_alone)
         if any(setup.parallel(lambda one: how.saves(one, predicted.fitted), alone)):
             return None

@@ -21,7 +21,7 @@ def graded(
         after: Of the extended model.
         adequacy: Its mean squared error over the white noise's.
         account: Parts of it. Where ARX or NARX come nearer by more than chance, a part is systematic.
-        clean: The verdict: Eq. 1 alone is right, and its model is the extended one.
+        clean: Eq. 1 alone is right, and its model is the extended one.
     """
     if not after < 1.0:
         return "useless"

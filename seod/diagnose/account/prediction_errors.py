@@ -51,9 +51,14 @@ class Predicted:
     simulated: Fitted
 
     @property
+    def in_loop(self) -> bool:
+        """Whether commands answer to what disturbs the load."""
+        return in_closed_loop(self.fitted)
+
+    @property
     def told(self) -> Fitted:
         """By which numbers are told: the simulation's, unless commands answer to what disturbs the load."""
-        return self.fitted if in_closed_loop(self.fitted) else self.simulated
+        return self.fitted if self.in_loop else self.simulated
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ import numpy as np
 from seod.diagnose.account.account import accounted
 from seod.diagnose.account.grade import graded
 from seod.diagnose.account.halves import noise_is_larger, one_sided
-from seod.diagnose.account.prediction_errors import in_closed_loop
 from seod.diagnose.fitting.free_run import free_runs
 from seod.diagnose.fitting.held_out import wholes
 from seod.diagnose.fitting.judged import Judged
@@ -103,7 +102,8 @@ def answered(
         extended = replace(extended, effects=extended.effects | {shown.name: numbers})
     every = (*findings.effects, *defects)
     verdict = _verdict(every, rest)
-    before, after, clean = baseline.holdout_nrmse, extended.holdout_nrmse, verdict == "clean"
+    before, after = baseline.holdout_nrmse, extended.holdout_nrmse
+    clean = verdict != "unexplained" and not findings.effects  # what samples show is no lack of the plant's
     return Diagnosis(
         verdict=verdict,
         baseline=baseline,
@@ -227,11 +227,7 @@ def _saved_alone(findings: Findings) -> bool:
     prediction errors were asked.
     """
     chosen = findings.chosen
-    if (
-        findings.effects
-        or chosen.held.adequacy < HELD_OUT.adequate
-        or (chosen.noise_alone and in_closed_loop(chosen.without_held_out))
-    ):
+    if findings.effects or chosen.in_loop or chosen.held.adequacy < HELD_OUT.adequate:
         return False
     return bool(findings.grown.saved_alone(ANSWER.saved_alone))
 

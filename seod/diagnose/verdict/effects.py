@@ -42,6 +42,7 @@ class Chosen:
         held: Its simulation of the windows held out.
         drift: The same beside a load that drifts, where recordings show one.
         noise_alone: Fitted by prediction errors, the set leaves nothing systematic.
+        in_loop: And commands answer to what disturbs the load: its numbers are by prediction errors.
         per_holdout: `reported` fitted anew to each recording that no fit has seen; None where too little of
             one counts.
     """
@@ -53,6 +54,7 @@ class Chosen:
     held: HeldOut
     drift: Drift | None = None
     noise_alone: bool = False
+    in_loop: bool = False
     per_holdout: tuple[Fitted | None, ...] = ()
 
     @property

@@ -65,6 +65,10 @@ OTHER_PLANT: Final = (
     "held-out recording {k}: fitted to it alone {numbers}. That is another rig, or another state of it "
     "(supply pressure, oil, load): what it errs by is no noise"
 )
+IN_LOOP: Final = (
+    "commands answer to what disturbs the load, so that the model whose simulation errs least is not the "
+    "plant: numbers are by prediction errors, which come to it. No simulation foretells gusts"
+)
 UNITS: Final = {"K_L": "unit/s/V", "omega_n": "rad/s", "zeta": ""}
 
 
@@ -88,6 +92,7 @@ def remarks(
     """
     return [
         *_limited(chosen.reported),
+        *([IN_LOOP] if chosen.in_loop else []),
         *_drifts(chosen),
         *other_zeros(every, whole, seen),
         *(left_behind(effects, plain) if len(every) > seen else ()),
