@@ -56,11 +56,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--gusts", type=float, nargs="+", default=[60.0, 200.0, 400.0, 700.0])
     asked = parser.parse_args()
-    quiet = np.std(stepped(relay(), 1, DAMPED, 0.0)[0])
+    quiet = np.var(stepped(relay(), 1, DAMPED, 0.0)[0])
     for gusts in asked.gusts:
-        every = [fits(gusts, seed) for seed in range(1, asked.seeds + 1)]
-        loud = np.std(stepped(relay(), 1, DAMPED, gusts)[0])
-        share = np.sqrt(max(loud**2 - quiet**2, 0.0)) / quiet
+        seeds = range(1, asked.seeds + 1)
+        every = [fits(gusts, seed) for seed in seeds]
+        loud = np.mean([np.var(stepped(relay(), seed, DAMPED, gusts)[0]) for seed in seeds])
+        share = np.sqrt(max(loud / quiet - 1.0, 0.0))
         print(f"gusts move {100.0 * share:.0f} % of what the relay does")
         for name in every[0]:
             error, sd = (np.array([one[name][k] for one in every]) for k in (0, 1))

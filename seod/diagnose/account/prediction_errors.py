@@ -9,6 +9,7 @@ it, and fits to them come to the plant, in a loop and without one (Ljung, System
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,7 +62,7 @@ class Predicted:
         return self.fitted if self.in_loop else self.simulated
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Predictions:
     """How such fits are made.
 
@@ -142,10 +143,13 @@ class Predictions:
         noise = colour(parts)
         return found.cut.remembering(noise.memory, slow_part(noise, found.cut))
 
+    @cached_property
+    def _memory(self) -> tuple[float, ...]:
+        return beside_commands(self.asked)
+
     def _beside_commands(self, found: Fitted) -> Cut:
-        memory = beside_commands(self.asked)
-        noise = replace(colour(self._left(found)), memory=memory)
-        return found.cut.remembering(memory, slow_part(noise, found.cut))
+        noise = replace(colour(self._left(found)), memory=self._memory)
+        return found.cut.remembering(noise.memory, slow_part(noise, found.cut))
 
     def _acts_on_errors(self, found: Fitted) -> bool:
         parts = self._left(found)
