@@ -30,7 +30,7 @@ def stolen_s() -> float:
 
 def note_again(what: str, taken_s: float) -> None:
     """Tell of `what` in the summary."""
-    _again.append(f"{what}: {taken_s:.2f} s were taken from the machine during its first run, which failed")
+    _again.append(f"{what}: {taken_s:.2f} s were taken from the machine during a run, which failed")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -54,6 +54,6 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Name what was run twice."""
     if _again:
-        terminalreporter.section("run once more")
+        terminalreporter.section("run again")
         for line in _again:
             terminalreporter.write_line(line)

@@ -37,6 +37,8 @@ SETS = [*(SHARING[k::GUESTS] for k in range(GUESTS)), *([name] for name in INSTA
 LIMIT_S = 1200
 """Of one of them."""
 ALL_S = 2400
+MOST_AGAIN = 2
+"""Of a file that takes half a minute, in which the host may take its processor each time."""
 
 pytestmark = [pytest.mark.vm, pytest.mark.timeout(ALL_S)]
 
@@ -93,15 +95,17 @@ def guest_report() -> dict[str, list[Result]]:
 
 
 def run_patiently(names: list[str]) -> dict[str, list[Result]]:
-    """As `run_guest`; what failed while the host took the machine's time once more."""
-    before = stolen_s()
-    told = run_guest(names)
-    taken = stolen_s() - before
-    again = [name for name in names if any(result.outcome == "failed" for result in told[name])]
-    if taken >= STOLEN_S and again:
+    """As `run_guest`; what failed while the host took the machine's time again, `MOST_AGAIN` times."""
+    told, again = {}, names
+    for left in range(MOST_AGAIN, -1, -1):
+        before = stolen_s()
+        told |= run_guest(again)
+        taken = stolen_s() - before
+        again = [name for name in again if any(result.outcome == "failed" for result in told[name])]
+        if taken < STOLEN_S or not again or not left:
+            break
         for name in again:
             note_again(name, taken)
-        told |= run_guest(again)
     return told
 
 
