@@ -25,11 +25,12 @@ T = np.arange(N) / RATE
 GUSTS = 60.0
 
 
-def stepped(command, seed=1, truth=TRUTH, gusts=GUSTS):
+def stepped(command, seed=1, truth=TRUTH, gusts=GUSTS, spring=0.0):
     """Readings and commands of Eq. 1 as a position, under random forces; `command(y, k)` gives the volts."""
     K_L, omega_n, zeta = truth.values()
     a = np.zeros((5, 5))  # position, speed, acceleration by the oil, command, force
     a[0, 1] = a[1, 2] = 1.0
+    a[1, 0] = -spring
     a[1, 4] = 1.0
     a[2, 1], a[2, 2], a[2, 3] = -(omega_n**2), -2.0 * zeta * omega_n, K_L * omega_n**2
     step = expm(a / RATE)

@@ -51,6 +51,18 @@ def test_under_gusts_that_move_the_load_half_as_much_as_the_relay_does_the_plant
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("stiffness", "likelier"), [(0.0, False), (3000.0, True)])
+def test_a_cause_is_asked_for_prediction_errors_too(stiffness, likelier):
+    """A spring makes up for what gusts have moved; of a load that has one it saves both."""
+    plain, halves = by_simulation(*stepped(relay(), truth=DAMPED, spring=stiffness))
+    how = Predictions(plain, halves, map, lambda: lambda: False)
+    sprung = plain.model.with_effect("load_spring")
+    begun = plain.model.values(plain.x) | {"load_spring.stiffness": 1000.0, "load_spring.centre": 0.0}
+    other = replace(plain, model=sprung, x=sprung.searched(begun))
+    assert how.saves(other, how.with_own_noise(plain)) is likelier
+
+
+@pytest.mark.slow
 def test_such_a_recording_is_clean_and_tells_the_plant():
     told = diagnose([recorded(*stepped(relay(), truth=DAMPED, gusts=STRONG))], (), Options(effort="quick"))
     assert (told.verdict, told.effects) == ("clean", ())

@@ -108,10 +108,14 @@ class Predictions:
         return min(each, key=lambda one: one.cost)
 
     def saves(self, other: Fitted, found: Fitted) -> bool:
-        """Whether another set saves prediction errors, beside the noise of the one that was found."""
+        """Whether another set is likelier for certain, beside the noise of the one that was found.
+
+        Their errors are white: half the mean log squared error of each row is its log likelihood.
+        """
         begun = other.model.searched(other.model.values(other.x) | found.model.values(found.x))
         errors = self.fitted(other.model, replace(other, x=begun), found.cut)
-        return found.cost - errors.cost > least_gain(found.cut)
+        rows = int(np.count_nonzero(found.cut.good))
+        return 0.5 * rows * (found.cost - errors.cost) > PREDICTION.likelier
 
     def with_own_noise(self, found: Fitted) -> Fitted:
         """A set, fitted by what noise does not foretell: what its own simulation leaves.
