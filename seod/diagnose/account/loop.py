@@ -1,4 +1,4 @@
-"""Whether commands depend on what was not foretold of the readings before: whether a loop is closed."""
+"""Whether a loop is closed, so that commands answer to what disturbs the load, and the noise of one."""
 
 from __future__ import annotations
 
