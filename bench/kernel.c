@@ -91,9 +91,9 @@ static double locate(const Plant *p, State *s, const double *z, double h) {
   double at_low = event(p, s, z, 0.0), at_high = event(p, s, then, h);
   int side = 0;
   for (int trial = 0; trial < 4 * MOST_TRIALS && high - low > sharp; trial++) {
-    double middle = (low * at_high - high * at_low) / (at_high - at_low);
-    middle = clip(middle, low + 0.5 * sharp, high - 0.5 * sharp);
-    if (trial > MOST_TRIALS) middle = 0.5 * (low + high);
+    double middle = 0.5 * (low + high);
+    if (trial <= MOST_TRIALS && at_high > at_low)
+      middle = clip((low * at_high - high * at_low) / (at_high - at_low), low + 0.5 * sharp, high - 0.5 * sharp);
     s->steps += p->linear != 0.0 ? COST : 1.0;
     step(p, s, z, middle, then);
     const double value = event(p, s, then, middle);
@@ -143,16 +143,38 @@ static void react(const Plant *p, State *s, double *z) {
   }
 }
 
+static bool goes_by_matrix(const Plant *p, State *s, double t) {
+  double h = t - s->t;
+  const bool ends = h <= p->longest_exact * (1.0 + ROUNDING);
+  if (!ends) h /= ceil(h / p->longest_exact - ROUNDING);
+  const int k = kept(p, s, h);
+  if (k < 0) return false;
+  const double now[STATES] = {s->pressure,  s->velocity, s->position, s->velocity2,
+                              s->position2, s->bristle,  s->lagged};
+  double then[STATES];
+  matrix_step(p, s, now, opening(p, s->target), k, then);
+  if (event(p, s, then, h) > 0.0 || !linear_now(p, s, then[VELOCITY])) return false;
+  s->t = ends ? t : s->t + h;
+  s->pressure = then[PRESSURE], s->velocity = then[VELOCITY], s->position = then[POSITION];
+  s->velocity2 = then[VELOCITY2], s->position2 = then[POSITION2];
+  s->bristle = then[BRISTLE], s->lagged = then[LAGGED];
+  s->followed = followed(p, s, s->position);
+  s->spool = s->target;
+  s->steps += MATRIX_COST;
+  return true;
+}
+
 static bool goes_freely(const Plant *p, State *s, double t) {
-  const double h = t - s->t;
-  if (h <= 0.0 || s->motion == 0.0 || s->stopped != 0.0 || s->watch != 0.0) return false;
+  if (s->motion == 0.0 || s->stopped != 0.0 || s->watch != 0.0 || p->longest_exact == 0.0) return false;
   if (!linear_now(p, s, s->velocity)) return false;
+  if (p->by_matrix != 0.0) return goes_by_matrix(p, s, t);
+  const double left = t - s->t, h = min(left, p->longest_exact);
   const double now[STATES] = {s->pressure,  s->velocity, s->position, s->velocity2,
                               s->position2, s->bristle,  s->lagged};
   double then[STATES];
   exact_step(p, s, now, h, then);
   if (event(p, s, then, h) > 0.0 || !linear_now(p, s, then[VELOCITY])) return false;
-  s->t = t;
+  s->t = h == left ? t : s->t + h;
   s->pressure = then[PRESSURE], s->velocity = then[VELOCITY], s->position = then[POSITION];
   s->velocity2 = then[VELOCITY2], s->position2 = then[POSITION2];
   s->followed = followed(p, s, s->position);
@@ -164,7 +186,7 @@ static bool goes_freely(const Plant *p, State *s, double t) {
 static void advance(const Plant *p, State *s, double t) {
   s->passed = 0.0;
   if (s->velocity * s->motion < 0.0) s->motion = -s->motion;
-  while (s->t < t && goes_freely(p, s, min(t, s->t + p->longest_exact))) continue;
+  while (s->t < t && goes_freely(p, s, t)) continue;
   if (s->t >= t) return;
   const double longest = longest_substep(p, s, t);
   for (long events = 0; s->t < t;) {

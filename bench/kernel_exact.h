@@ -60,7 +60,8 @@ static bool linear_now(const Plant *p, const State *s, double velocity) {
   if (p->linear != 0.0) return true;
   if (s->motion * velocity < PASSED * p->stribeck_friction_speed && p->stribeck_friction_level > 0.0) return false;
   if (p->lugre_friction_stiffness > 0.0 && !settled(p, s)) return false;
-  return p->valve_lag_time > 0.0 ? on_one_side(p, s) : s->spool == s->target;
+  if (p->valve_lag_time > 0.0) return on_one_side(p, s);
+  return p->valve_rate_limit_rate == INFINITY || s->spool == s->target;
 }
 
 /* Pressure and speed now, and what h adds to pressure, speed and position. */

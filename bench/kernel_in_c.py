@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim import exact, kernel, physics, runs, substep
+from sim import exact, kernel, matrix_steps, physics, runs, substep
 from sim.parameters import PARAMETERS
 from sim.runs import RELAY
 from sim.state import STATE
@@ -24,9 +24,16 @@ CONSTANTS = {
     "TERMS": exact.TERMS,
     "COST": exact.COST,
     "PASSED": exact.PASSED,
+    "MATRIX_STATES": matrix_steps.STATES,
+    "KEPT": matrix_steps.KEPT,
+    "MATRIX_SAME": matrix_steps.SAME,
+    "MATRIX_COST": matrix_steps.COST,
+    "WORTH": matrix_steps.WORTH,
+    "MATRIX_TERMS": matrix_steps.TERMS,
     "LAMINAR": physics.LAMINAR,
     "VACUUM": physics.VACUUM,
     "SETTLED": physics.SETTLED,
+    "ROUNDING": kernel.ROUNDING,
     "SHARPNESS": kernel.SHARPNESS,
     "MOST_TRIALS": kernel.MOST_TRIALS,
     "MOST_EVENTS": kernel.MOST_EVENTS,
@@ -40,10 +47,15 @@ ROWS = ctypes.c_long
 def records() -> str:
     """The header with the records and constants, as the Python side has them."""
     lines = [f"#define {name} {value!r}" for name, value in CONSTANTS.items()]
-    for name, dtype in (("Plant", PARAMETERS), ("State", STATE), ("Relay", RELAY)):
-        fields = " ".join(f"double {field};" for field in dtype.names or ())
-        lines.append(f"typedef struct {{ {fields} }} {name};")
+    for kind, dtype in (("Plant", PARAMETERS), ("State", STATE), ("Relay", RELAY)):
+        fields = " ".join(f"double {name}{_lengths(dtype[name])};" for name in dtype.names or ())
+        lines.append(f"typedef struct {{ {fields} }} {kind};")
     return "\n".join(lines) + "\n"
+
+
+def _lengths(field: np.dtype) -> str:
+    """Of an array in a record, as C writes them; of a number nothing."""
+    return "".join(f"[{length}]" for length in field.shape)
 
 
 def build(folder: Path) -> ctypes.CDLL:

@@ -1,5 +1,5 @@
 /* The length of a substep in C, for bench/kernel.c: sim/substep.py, function by function. */
-#include "kernel_exact.h"
+#include "kernel_matrix.h"
 
 static double passes(const Plant *p, double before, double after) {
   const double lag = p->valve_lag_time, rate = p->valve_rate_limit_rate, knee = rate * lag;

@@ -29,6 +29,7 @@ SOURCES = (
     "hydraulics/parts.py",
     "hydraulics/record.py",
     "kernel.py",
+    "matrix_steps.py",
     "parameters.py",
     "physics.py",
     "plant.py",

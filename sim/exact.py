@@ -45,7 +45,9 @@ def linear_now(p: Record, s: Record, velocity: float) -> bool:
         return False
     if p.lugre_friction_stiffness > 0.0 and not physics.settled(p, s):
         return False
-    return _on_one_side(p, s) if p.valve_lag_time > 0.0 else bool(s.spool == s.target)
+    if p.valve_lag_time > 0.0:
+        return _on_one_side(p, s)
+    return bool(p.valve_rate_limit_rate == math.inf or s.spool == s.target)
 
 
 @compiled

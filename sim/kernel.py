@@ -13,12 +13,15 @@ from __future__ import annotations
 
 import math
 
-from sim import exact, physics
+from sim import exact, matrix_steps, physics
 from sim.compiled import Record, compiled, inlined
 from sim.substep import longest_substep, next_substep
 
 SHARPNESS = 1e-13
 """Events are located to this part of a substep."""
+
+ROUNDING = 1e-9
+"""Part of a step that makes no further one."""
 
 MOST_TRIALS = 20
 """By regula falsi to locate one event: ten or so are needed; what is still open then is bisected."""
@@ -68,7 +71,7 @@ def advance(p: Record, s: Record, t: float) -> None:
     s.passed = 0.0
     if s.velocity * s.motion < 0.0:  # nothing asked for its direction until now
         s.motion = -s.motion
-    while s.t < t and _goes_freely(p, s, min(t, s.t + p.longest_exact)):
+    while s.t < t and _goes_freely(p, s, t):
         pass
     if s.t >= t:
         return
@@ -93,24 +96,49 @@ def advance(p: Record, s: Record, t: float) -> None:
 
 @inlined
 def _goes_freely(p: Record, s: Record, t: float) -> bool:
-    """Go to `t` [s] by one exact step, where there can be one and nothing switches; else change nothing.
+    """Go towards `t` [s] by one exact step, where there can be one and nothing switches; else change nothing.
 
     What most rows of a recording need, without all that the others do.
     """
-    h = t - s.t
-    if h <= 0.0 or s.motion == 0.0 or s.stopped != 0.0 or s.watch != 0.0:
+    if s.motion == 0.0 or s.stopped != 0.0 or s.watch != 0.0 or p.longest_exact == 0.0:
         return False
     if not exact.linear_now(p, s, s.velocity):
         return False
+    if p.by_matrix != 0.0:
+        return _goes_by_matrix(p, s, t)
+    left = t - s.t
+    h = min(left, p.longest_exact)
     now = (s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged)
     then = exact.step(p, s, now, h)
     if _event(p, s, then, h) > 0.0 or not exact.linear_now(p, s, then[1]):
         return False
-    s.t = t
+    s.t = t if h == left else s.t + h
     s.pressure, s.velocity, s.position, s.velocity2, s.position2 = then[:5]
     s.followed = physics.followed(p, s, s.position)
     s.spool = physics.spool_at(p, s, h) if p.valve_lag_time > 0.0 else s.target
     s.steps += exact.COST
+    return True
+
+
+@compiled
+def _goes_by_matrix(p: Record, s: Record, t: float) -> bool:
+    """Likewise, of a plant whose steps are exact by a matrix: the rest of the way is cut in equal ones."""
+    h = t - s.t
+    ends = h <= p.longest_exact * (1.0 + ROUNDING)
+    if not ends:
+        h /= math.ceil(h / p.longest_exact - ROUNDING)
+    k = matrix_steps.kept(p, s, h)
+    if k < 0:
+        return False
+    now = (s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged)
+    then = matrix_steps.step(p, s, now, physics.opening(p, s.target), k)
+    if _event(p, s, then, h) > 0.0 or not exact.linear_now(p, s, then[1]):
+        return False
+    s.t = t if ends else s.t + h
+    s.pressure, s.velocity, s.position, s.velocity2, s.position2, s.bristle, s.lagged = then
+    s.followed = physics.followed(p, s, s.position)
+    s.spool = s.target
+    s.steps += matrix_steps.COST
     return True
 
 
@@ -199,10 +227,10 @@ def _locate(p: Record, s: Record, z: tuple[float, ...], h: float) -> float:
     for trial in range(4 * MOST_TRIALS):
         if high - low <= sharp:
             break
-        middle = (low * at_high - high * at_low) / (at_high - at_low)
-        middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
-        if trial > MOST_TRIALS:
-            middle = 0.5 * (low + high)
+        middle = 0.5 * (low + high)
+        if trial <= MOST_TRIALS and at_high > at_low:  # of denormal numbers both may have become 0
+            middle = (low * at_high - high * at_low) / (at_high - at_low)
+            middle = min(max(middle, low + 0.5 * sharp), high - 0.5 * sharp)
         s.steps += _cost(p)
         value = _event(p, s, _step(p, s, z, middle), middle)
         if value > 0.0:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 import numpy as np
 
-from sim.effects import EFFECTS, INF, contradiction, parameter
+from sim.effects import EFFECTS, INF, SENSOR_CURVE, contradiction, parameter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,10 +36,12 @@ SLOTS = (
     "shortest",
     "longest_exact",
     "linear",
+    "by_matrix",
 )
 """Names of the parameter vector's elements, in its order: `effect_parameter`, the longest substep [s], the
-shortest one over it that an orifice may ask for, the longest exact step [s] (0: none is), and whether all are
-exact (1) or only some (`sim.exact`)."""
+shortest one over it that an orifice may ask for, the longest exact step [s] (0: none is), whether all are
+exact (1) or only some (`sim.exact`), and whether these are by a matrix (`sim.matrix_steps`; else 0): a number
+that other plants hardly have, too."""
 
 PARAMETERS = np.dtype([(name, np.float64) for name in SLOTS])
 """The same as a record; an array of it and the vector are views of one memory."""
@@ -86,9 +89,11 @@ def parameters(
     if len(values) > len(_NULLS):
         unknown = [name for name in values if name not in _NULLS]
         raise ValueError(f"unknown: {', '.join(unknown)}; there are {', '.join(BASE)}")
-    linear = is_linear(values)
-    exact = accuracy / _event_rate(values) if linear_at_times(values) else 0.0
-    record = np.array([*values.values(), 0.0, shortest, exact, float(linear)]).view(PARAMETERS)
+    linear, matrix = is_linear(values), by_matrix(values)
+    exact = accuracy / _event_rate(values) if matrix or linear_at_times(values) else 0.0
+    record = np.array([*values.values(), 0.0, shortest, exact, float(linear), 0.0]).view(PARAMETERS)
+    if matrix:
+        record["by_matrix"] = 1.0 + crc32(record.tobytes())
     record["substep"] = exact if linear else accuracy / fastest_rate(record)
     return record
 
@@ -118,14 +123,21 @@ def nulls() -> dict[str, float]:
 
 _CHANGING = ("parameter_drift", "pressure_dependent_stiffness")
 _NULLS = {**BASE, **nulls()}
+_MORE_STATES = ("load_resonance_inertia", "load_spring_stiffness", "sensor_lag_time")
+"""What must be 0 where oil and load alone are linear, if only at times; else it takes a matrix."""
 _ANOTHER_EQUATION = (
-    "load_resonance_inertia",
-    "load_spring_stiffness",
     "load_bias_drift",
-    "sensor_lag_time",
     *(f"{name}_{each.name}" for name in _CHANGING for each in EFFECTS[name].parameters),
 )
-"""What must be 0 where oil and load alone are linear, if only at times."""
+"""What must be 0 in either case."""
+_BENDS = (
+    "backlash_gap",
+    "position_ripple_amplitude",
+    *(f"sensor_nonlinearity_order_{n}" for n in SENSOR_CURVE),
+    "rectified_sensor_part",
+    "rectified_sensor_power",
+)
+"""What bends a sensor, so that what is behind its lag is not linear."""
 _AT_TIMES = ("stribeck_friction_level", "lugre_friction_stiffness", "valve_lag_time")
 """What must be 0, too, where they always are."""
 
@@ -164,7 +176,7 @@ def linear_at_times(p: Mapping[str, float]) -> bool:
 
     Then a step is exact (`sim.exact`). Its length matters to events alone: of each there may be one in it.
     """
-    if not p["zeta"] > 0.0 or any(p[name] != 0.0 for name in _ANOTHER_EQUATION):
+    if not p["zeta"] > 0.0 or any(p[name] != 0.0 for name in (*_MORE_STATES, *_ANOTHER_EQUATION)):
         return False
     return p["square_root_flow_supply"] == INF and (p["valve_lag_time"] == 0.0 or _fades_apart(p))
 
@@ -179,6 +191,16 @@ def _fades_apart(p: Mapping[str, float]) -> bool:
     return alone and abs(apart) > APART * (rate * rate + square)
 
 
+def by_matrix(p: Mapping[str, float]) -> bool:
+    """Whether they do together with a second inertia, a spring or a straight sensor's lag, at some speeds."""
+    if not any(p[name] != 0.0 for name in _MORE_STATES) or p["square_root_flow_supply"] != INF:
+        return False
+    if p["valve_lag_time"] != 0.0 or p["periodic_disturbance_amplitude"] != 0.0:
+        return False
+    straight = p["sensor_lag_time"] == 0.0 or all(p[name] == _NULLS[name] for name in _BENDS)
+    return straight and p["zeta"] > 0.0 and not any(p[name] != 0.0 for name in _ANOTHER_EQUATION)
+
+
 def is_linear(p: Mapping[str, float]) -> bool:
     """Whether they do from one event to the next, whatever the speed."""
     always = p["valve_rate_limit_rate"] == INF and not any(p[name] != 0.0 for name in _AT_TIMES)
@@ -187,8 +209,10 @@ def is_linear(p: Mapping[str, float]) -> bool:
 
 def _event_rate(p: Mapping[str, float]) -> float:
     """Rate [rad/s] of the quickest turn of a plant whose steps are exact."""
-    swings = p["periodic_disturbance_amplitude"] != 0.0
-    return max(p["omega_n"], p["periodic_disturbance_omega"] if swings else 0.0)
+    swings, ratio = p["periodic_disturbance_amplitude"] != 0.0, p["load_resonance_inertia"]
+    second = p["load_resonance_omega"] if ratio > 0.0 else 0.0
+    rates = [max(p["omega_n"], second) * math.sqrt(1.0 + ratio), math.sqrt(abs(p["load_spring_stiffness"]))]
+    return max(*rates, p["periodic_disturbance_omega"] if swings else 0.0)
 
 
 def fastest_rate(record: npt.NDArray[np.void]) -> float:

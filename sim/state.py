@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sim.compiled import Record, compiled
+from sim.matrix_steps import KEPT, STATES
 from sim.physics import dry_friction, encoded, rectified
 
 if TYPE_CHECKING:
@@ -51,9 +52,13 @@ STATE = np.dtype(
             "spare_answer",
             "spare_area",
             "spare_volume",
+            "matrices_of",  # `by_matrix` of the plant that these are of (`sim.matrix_steps`)
+            "owed",  # steps that they must still save
+            "oldest",  # which of them is the next to go
             "steps",  # Runge-Kutta steps so far, an exact one a part of one: what the simulation costs
         )
     ]
+    + [("lengths", np.float64, (KEPT,)), ("matrices", np.float64, (KEPT, STATES, STATES))]
 )
 
 

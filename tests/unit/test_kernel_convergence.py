@@ -24,7 +24,7 @@ def at(accuracy, names, sees_speed=False, plant=(17.0, 117.0, 0.21)):
     "names",
     [
         ("load_spring", "parameter_drift"),
-        ("load_resonance",),
+        ("load_resonance", "parameter_drift"),
         ("valve_lag", "valve_deadband"),
         ("valve_lag", "asymmetric_gain"),
         ("spool_inertia", "valve_deadband"),
@@ -63,6 +63,21 @@ def test_the_order_is_four_through_all_events(names):
 def test_a_linear_plants_steps_have_no_error(names, plant):
     assert record(names, plant=plant)[0]["linear"] == 1.0
     assert apart(at(0.2, names, plant=plant), at(0.005, names, plant=plant)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("load_resonance",),
+        ("load_spring", "valve_deadband"),
+        ("sensor_lag", "valve_hysteresis"),
+        ("load_resonance", "load_spring", "sensor_lag"),
+    ],
+    ids="+".join,
+)
+def test_nor_have_those_by_a_matrix(names):
+    assert record(names)[0]["by_matrix"] != 0.0
+    assert apart(at(0.2, names), at(0.005, names)) < 1e-9
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from kernel_cases import chosen, follow, steps
 from scipy.linalg import expm
 
 from sim.exact import SMALL, factors
+from sim.matrix_steps import COST
 from sim.parameters import parameters
 from sim.plant import arrive, look
 from sim.state import new_state
@@ -95,6 +96,91 @@ def test_a_load_that_is_swung_moves_as_by_the_matrix_exponential(omega_n, zeta, 
     assert np.all(np.abs(found - expected) < 1e-10 * sizes), (found, expected)
 
 
+def by_matrix_of(p, state, volts, h):
+    """Of all six states, written apart: forces between oil, load and second inertia, one by one."""
+    names = ("pressure", "velocity", "position", "velocity2", "position2", "lagged")
+    K_L, omega_n, zeta = (float(p[name][0]) for name in ("K_L", "omega_n", "zeta"))
+    ratio, omega, damps = (float(p[f"load_resonance_{name}"][0]) for name in ("inertia", "omega", "zeta"))
+    stiffness, centre = (float(p[f"load_spring_{name}"][0]) for name in ("stiffness", "centre"))
+    lag, rubs = float(p["sensor_lag_time"][0]), 2.0 * zeta * omega_n * float(p["viscous_friction_share"][0])
+
+    def grows(z):
+        a, v, x, v2, x2, lagged, one = z
+        oil = omega_n**2 * (K_L * volts * one - v) - (2.0 * zeta * omega_n - rubs) * a
+        second = omega**2 * (x - x2) + 2.0 * damps * omega * (v - v2)
+        first = (1.0 + ratio) * (a - stiffness * (x - centre * one) - rubs * v) - ratio * second
+        if ratio == 0.0:
+            v2, second = v, first
+        return [oil, first, v, second, v2, (x - lagged) / lag if lag > 0.0 else 0.0, 0.0]
+
+    A = np.transpose([grows(each) for each in np.eye(7)])
+    return names, (expm(A * h) @ [*state, 1.0])[:6]
+
+
+@settings(deadline=None)
+@given(
+    omega_n=st.floats(1.0, 500.0),
+    zeta=st.floats(0.02, 5.0),
+    angle=st.floats(1e-4, 0.5),
+    inertia=st.just(0.0) | st.floats(0.01, 3.0),
+    ratio=st.floats(0.2, 8.0),
+    stiff=st.just(0.0) | st.floats(-0.2, 3.0),
+    lag=st.just(0.0) | st.floats(0.02, 5.0),
+    share=st.floats(0.0, 1.0),
+    state=st.tuples(*[st.floats(-2.0, 2.0)] * 6),
+)
+def test_with_more_states_a_step_is_the_matrix_exponential_too(
+    omega_n, zeta, angle, inertia, ratio, stiff, lag, share, state
+):
+    if inertia == stiff == lag == 0.0:
+        lag = 0.5
+    effects = {
+        "load_resonance": {"inertia": inertia, "omega": ratio * omega_n, "zeta": 0.1},
+        "load_spring": {"stiffness": stiff * omega_n**2, "centre": 0.3 / omega_n},
+        "sensor_lag": {"time": lag / omega_n},
+        "viscous_friction": {"share": share},
+    }
+    h, sizes = angle / omega_n, np.array([omega_n, 1.0, 1.0 / omega_n, 1.0, 1.0 / omega_n, 1.0 / omega_n])
+    begins = np.array(state) * sizes
+    if inertia == 0.0:
+        begins[3:5] = begins[1:3]
+    p = parameters(1.7, omega_n, zeta, effects)
+    p["longest_exact"] = 1.0
+    names, expected = by_matrix_of(p, begins, 0.7, h)
+    s = new_state(p)
+    for name, value in zip(names, begins, strict=True):
+        s[name] = value
+    arrive(p, s, 0.0, 0.7)
+    look(p, s, h)
+    assert p["by_matrix"][0] != 0.0
+    assert s["steps"][0] == COST
+    found = np.array([s[name][0] for name in names])
+    assert np.all(np.abs(found - expected) < 1e-10 * sizes * (1.0 + zeta) * 10.0), (found, expected)
+
+
+def test_rows_that_never_come_in_step_are_integrated():
+    """A matrix for each would cost more than it saves."""
+    t_u, u = steps(1.0)
+    t = np.cumsum(np.random.default_rng(5).uniform(4e-4, 6e-4, 1900))
+    p = parameters(17.0, 117.0, 0.21, chosen("load_spring"))
+    y, state = follow(p, t_u, u, t)
+    assert state["steps"] > 0.9 * len(t)
+    p["longest_exact"] = 0.0
+    assert np.max(np.abs(y - follow(p, t_u, u, t)[0])) < 1e-6 * np.ptp(y)
+
+
+def test_another_plant_goes_on_by_its_own_matrix():
+    t = np.arange(0.01, 0.3, 0.01)
+    first, second = (parameters(17.0, omega_n, 0.2, chosen("load_spring")) for omega_n in (60.0, 90.0))
+    s = new_state(first)
+    follow(first, *steps(0.3), t, state=s)
+    fresh = s.copy()
+    fresh["matrices_of"] = fresh["owed"] = 0.0
+    s["t"] = s["origin"] = fresh["t"] = fresh["origin"] = 0.0
+    y = follow(second, *steps(0.3, seed=2), t, state=s)[0]
+    assert np.array_equal(y, follow(second, *steps(0.3, seed=2), t, state=fresh)[0])
+
+
 AT_TIMES = {
     "friction that falls": ("stribeck_friction", "coulomb_friction"),
     "friction that falls, and play": ("stribeck_friction", "backlash"),
@@ -103,6 +189,9 @@ AT_TIMES = {
     "a spool that lags": ("valve_lag",),
     "a spool that lags over its overlap": ("valve_lag", "valve_deadband", "asymmetric_gain"),
     "it and a load that swings": ("valve_lag", "periodic_disturbance", "coulomb_friction"),
+    "a second inertia that sticks": ("load_resonance", "coulomb_friction"),
+    "a spring and bristles": ("load_spring", "lugre_friction"),
+    "a sensor that lags behind what it carries": ("sensor_lag", "load_resonance", "stribeck_friction"),
     "all that swings": ("valve_rate_limit", "stribeck_friction", "periodic_disturbance"),
 }
 
