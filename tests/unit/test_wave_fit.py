@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from seod.estimate.known import Known
-from seod.estimate.noise import WHITE, memory, outliers, seen_in
+from seod.estimate.noise import WHITE, Noise, memory, outliers, seen_in
 from seod.estimate.plant.free_motion import Dynamics
 from seod.estimate.plant.response import StepwiseVoltage
 from seod.estimate.wave.fit import fit
@@ -193,6 +193,16 @@ class TestNoise:
         x = np.asarray(lfilter([1.0], [1.0, -1.2, 0.5], np.random.default_rng(1).standard_normal(4000)))
         assert memory(x)[:2] == pytest.approx((1.2, -0.5), abs=0.06)
         assert np.std(seen_in(x).whiten(x)) == pytest.approx(1.0, rel=0.05)
+
+    def test_of_noise_that_hardly_forgets_few_samples_tell_how_it_does(self):
+        """White noise of 1 is left; by Yule and Walker's equations it is 5."""
+        left, t = [], np.arange(300.0)
+        for seed in range(20):
+            white = np.random.default_rng(seed).standard_normal(300)
+            x = np.asarray(lfilter([1.0], np.poly([0.99, 0.95, 0.6]), white))
+            x -= np.polyval(np.polyfit(t, x, 1), t)
+            left.append(np.std(Noise(memory(x)).whiten(x)))
+        assert np.median(left) == pytest.approx(1.0, abs=0.1)
 
     def test_samples_that_touch_an_outlier_do_not_count(self):
         x = np.asarray(lfilter([1.0], [1.0, -0.9], np.random.default_rng(2).standard_normal(1000)))
