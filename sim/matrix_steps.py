@@ -2,8 +2,8 @@
 
 Oil, load and sensor are dz/dt = A z + c then, as those of `sim.exact` are, but with three states more and no
 closed form worth writing out. After a step z has grown by M (A z + c), where M is the integral of exp(A t)
-over its length. M depends on plant and length alone: the state keeps that
-of the last few lengths, since rows come in step. Where they do not, steps are integrated (`sim.kernel`).
+over its length. M depends on plant and length alone: the state keeps that of the last few lengths, since rows
+come in step. Where they do not, steps are integrated (`sim.kernel`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STATES = 6
 behind the sensor's lag [unit, or unit/s]."""
 
 KEPT = 4
-"""Lengths of which a matrix is kept: a delay cuts rows in two, and where that changes there are two more."""
+"""Lengths of which a matrix is kept: of two kinds of rows, each cut in two by a delay. Chosen."""
 
 SAME = 1e-9
 """Part by which two steps may differ in length and have the same matrix: a recording's rows, cut in pieces,
@@ -31,8 +31,8 @@ differ by the rounding of their times."""
 COST = 0.4
 """Of a step, over a Runge-Kutta step. Measured: 32 ns in place of 77."""
 
-WORTH = 30.0
-"""Steps by a matrix that save what it took to have it."""
+WORTH = 60.0
+"""Steps by a matrix that save what it took to have it. Measured: 2.6 us, and 45 ns each."""
 
 TERMS = 14
 """Of the power series of a matrix, over a quarter of a substep: the next is less than a double's rounding."""
