@@ -144,7 +144,7 @@ def _findings(
     sizes = replace(scales(near, near.cut), given=setup.fixed.given)
     if base.held.nrmse < 1.0:  # else it is no plant whose pressure says anything
         sizes = replace(sizes, pressure=min(sizes.pressure, scales(base.found, small).pressure))
-    starts = search_roots(base.found, begun, sizes, screened.cut)
+    starts = search_roots(base.found, begun, sizes, screened.cut, setup.parallel)
     starts = starts if known is None else also_from(starts, known, screened.cut)
     progress("trying causes", 0.1)
     grown = grow(screened, starts, lambda part: progress("trying causes", 0.1 + 0.5 * part))

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_cases import K_L, OMEGA_N, ZETA, apart, follow, record, steps
+from kernel_cases import EFFECTS_ON, K_L, OMEGA_N, ZETA, apart, chosen, follow, record, steps
 
 import seod.diagnose
 from seod.diagnose.causes.scales import Scales
 from seod.diagnose.causes.table import (
     CAUSES,
+    SHAKES,
     answered_as,
+    commuting,
     further_causes,
     group,
     searched_causes,
@@ -263,3 +265,25 @@ def test_waves_are_searched_in_parts():
             {"wavenumber": 2.0, "amplitude": 5.0, "phase": float(np.arctan2(3.0, 4.0))}
         )
     }
+
+
+BETWEEN = [name for name in EFFECTS_ON if name not in {"valve_lag", "sensor_lag", "spool_inertia"}]
+
+
+@pytest.mark.parametrize("name", BETWEEN)
+def test_beside_what_tells_no_lags_apart_both_read_alike(name):
+    """But for how the plant begins, what shakes it, and a place that a constant load leaves behind."""
+    lag = {"time": 4e-3}
+    t_u = np.arange(3000) * 1e-3
+    u = 0.6 * np.cos(250.0 * t_u + 1.0) + 0.4 * np.cos(410.0 * t_u)  # stays in the curve's range
+    t = np.arange(1, 6000) * 5e-4
+    supply = 1.0 + 0.2 * np.sin(40.0 * t)
+    plants = [record(effects=chosen(name) | {of: lag}) for of in ("valve_lag", "sensor_lag")]
+    valve, sensor = (follow(plant, t_u, u, t, supply=supply)[0] for plant in plants)
+    difference, t = (sensor - valve)[4000:], t[4000:]
+    omega = EFFECTS_ON[name]["omega"] if name == SHAKES else 0.0
+    begun = np.stack([np.sin(omega * t), np.cos(omega * t), t, np.ones(len(t))], axis=1)
+    left = difference - begun @ np.linalg.lstsq(begun, difference, rcond=None)[0]
+    differs = float(np.max(np.abs(left)) / np.ptp(valve)) > 1e-6
+    assert differs == CAUSES[name].tells_lags_apart
+    assert commuting("valve_lag", [name]) == ([] if differs else ["sensor_lag"])

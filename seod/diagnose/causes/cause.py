@@ -145,12 +145,14 @@ class Alike:
         two_commands_only: It does so only where the recordings have two commands and no more.
         distinguished_by: Causes of which one must be in the set: without any both are the same, and it is
             not asked. Empty: it always is.
+        commutes: It is the same, whatever recordings show, while nothing in the set tells lags apart.
     """
 
     name: str
     same: Callable[[Values, Scales], Values]
     two_commands_only: bool = False
     distinguished_by: frozenset[str] = frozenset()
+    commutes: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +274,8 @@ class Cause:
         pure_delay: Parameter by which it is a delay and nothing else; "" without one.
         hidden: How two commands hide it; None: they do not.
         grid: How it is tried in the relay's grid; None: it is not.
+        tells_lags_apart: Whether beside it a lag of the valve and one of the sensor differ. They do not where
+            the plant stays linear, nor where it acts in front of both, or behind them.
         states: Columns of initial states that are free with it, beside those of Eq. 1.
         mirrored: Parameters that turn their sign with that of the command.
         wave: How it repeats; None: it is no wave.
@@ -285,6 +289,8 @@ class Cause:
         drift: Parameter by which that acceleration grows with time; "" without one.
         pulls: Parameters by which it is an acceleration in proportion to the position, and the position where
             it is none: a plant with both is linear. None without.
+        ramps: Parameter by which the valve is no faster: plants are looked for behind such ramps, too; ""
+            without one.
         figure: A number that the sentence tells, from all effects of the model.
     """
 
@@ -305,6 +311,7 @@ class Cause:
     pure_delay: str = ""
     hidden: Hidden | None = None
     grid: Grid | None = None
+    tells_lags_apart: bool = True
     states: tuple[State, ...] = ()
     mirrored: tuple[str, ...] = ()
     wave: Wave | None = None
@@ -314,6 +321,7 @@ class Cause:
     follows: str = ""
     drift: str = ""
     pulls: tuple[str, str] | None = None
+    ramps: str = ""
     figure: Callable[[Effects], float] | None = None
 
     @property

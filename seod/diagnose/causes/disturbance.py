@@ -29,6 +29,7 @@ PERIODIC_DISTURBANCE: Final = Cause(
         "periodic_disturbance", SIZE * s.pressure, NARROW / s.span_s, SLOWEST, FASTEST_TICKS / s.tick_s
     ),
     wave=OVER_TIME,
+    tells_lags_apart=False,
 )
 MEASURED_DISTURBANCE: Final = Cause(
     name="measured_disturbance",

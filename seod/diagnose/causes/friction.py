@@ -235,6 +235,7 @@ VISCOUS_FRICTION: Final = Cause(
     same_plant=SamePlant(_with_viscous, _without_viscous),
     grid=Grid(sizes=lambda shares, *_: {"viscous_friction.share": shares["viscous_friction.share"]}),
     figure=lambda e: 100.0 * e["viscous_friction"]["share"],
+    tells_lags_apart=False,
 )
 LUGRE_FRICTION: Final = Cause(
     name="lugre_friction",

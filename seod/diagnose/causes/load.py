@@ -105,6 +105,7 @@ LOAD_BIAS: Final = Cause(
     ),
     offset="acceleration",
     drift="drift",
+    tells_lags_apart=False,
 )
 LOAD_SPRING: Final = Cause(
     name="load_spring",
@@ -115,6 +116,7 @@ LOAD_SPRING: Final = Cause(
     alike=(null_for(_at_0),),
     states=("position",),
     pulls=("stiffness", "centre"),
+    tells_lags_apart=False,
 )
 LOAD_RESONANCE: Final = Cause(
     name="load_resonance",
@@ -123,5 +125,6 @@ LOAD_RESONANCE: Final = Cause(
     starts=lambda s: tuple((inertia, x * s.omega_n, zeta) for inertia, x, zeta in INERTIA_STARTS),
     remote=_heavy_below,
     states=("velocity2", "position2"),
+    tells_lags_apart=False,
 )
 LOAD: Final = (LOAD_BIAS, LOAD_SPRING, LOAD_RESONANCE)

@@ -146,9 +146,10 @@ SENSOR_LAG: Final = Cause(
     says="The sensor or its converter follows as a low-pass of first order.",
     coordinates=lambda s: (linear("time", 1.0 / s.omega_n, shortest_lag(s), longest(s)),),
     starts=lag_starts(0.1, 0.5),
-    alike=same_time("sensor_lag", "transport_delay", "valve_lag"),
+    alike=same_time("sensor_lag", "transport_delay", "valve_lag", lag="valve_lag"),
     delays=True,
     states=("lagged",),
+    tells_lags_apart=False,
 )
 RECTIFIED_SENSOR: Final = Cause(
     name="rectified_sensor",
@@ -166,6 +167,7 @@ SENSOR_QUANTIZATION: Final = Cause(
     says="The sensor reads in steps, which the samples themselves show.",
     coordinates=no_coordinates,
     searched=not_searched,
+    tells_lags_apart=False,
 )
 HELD_READINGS: Final = Cause(
     name="held_readings",

@@ -59,6 +59,8 @@ PULLS, PULLS_PLACES = next(
     (name, (f"{name}.{one.pulls[0]}", f"{name}.{one.pulls[1]}")) for name, one in CAUSES.items() if one.pulls
 )
 """The cause that is an acceleration in proportion to the position, and its parameters."""
+RAMPS, RAMPS_PLACE = next((name, f"{name}.{one.ramps}") for name, one in CAUSES.items() if one.ramps)
+"""The cause that is a valve of limited speed, and its parameter."""
 TWINS: Final = {name: one.twin for name, one in CAUSES.items() if one.twin is not None}
 """Causes with which a plant of Eq. 1 is the same as without, and their parameters there."""
 SAME_PLANT: Final = {name: one.same_plant for name, one in CAUSES.items() if one.same_plant is not None}
@@ -124,6 +126,13 @@ def further_causes(scales: Scales, names: Collection[str]) -> list[str]:
         and all(each in showing for showing in waiting)
         and not any(_contains(each, own) or _contains(own, each) for own in names)
     ]
+
+
+def commuting(name: str, others: Collection[str]) -> list[str]:
+    """Causes that are the same as this one beside these others, whatever recordings show."""
+    if any(CAUSES[each].tells_lags_apart for each in others):
+        return []
+    return [each.name for each in CAUSES[name].alike if each.commutes and each.name not in others]
 
 
 def is_unseen(name: str, names: Collection[str]) -> bool:

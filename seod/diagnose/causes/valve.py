@@ -81,16 +81,18 @@ def shortest_lag(s: Scales) -> float:
     return max(SHORTEST_LAG_TICKS * s.tick_s, SHORTEST_LAG_S)
 
 
-def same_time(own: str, *others: str) -> tuple[Alike, ...]:
+def same_time(own: str, *others: str, lag: str = "") -> tuple[Alike, ...]:
     """Other causes that delay, alike at the same time; at two commands and no more also a limited speed.
 
     Args:
         own: Name of this one.
         others: Names of those.
+        lag: Of those the one that is such a lag, too, elsewhere in the signal's way; "" of a delay.
     """
 
     def alike(other: str) -> Alike:
-        return Alike(other, lambda values, _: {f"{other}.time": values[f"{own}.time"]})
+        time = f"{other}.time"
+        return Alike(other, lambda values, _: {time: values[f"{own}.time"]}, commutes=other == lag)
 
     slow = Alike(
         "valve_rate_limit",
@@ -144,6 +146,7 @@ TRANSPORT_DELAY: Final = Cause(
     alike=same_time("transport_delay", "sensor_lag", "valve_lag"),
     delays=True,
     pure_delay="time",
+    tells_lags_apart=False,
 )
 VALVE_SATURATION: Final = Cause(
     name="valve_saturation",
@@ -152,6 +155,7 @@ VALVE_SATURATION: Final = Cause(
     starts=lambda s: tuple((x * s.volts,) for x in LIMITS),
     searched=lambda s: not s.two_commands,
     hidden=Hidden(_shown("valve_saturation.limit", SHOWN_LIMIT), "six tenths as limit"),
+    tells_lags_apart=False,
 )
 VALVE_HYSTERESIS: Final = Cause(
     name="valve_hysteresis",
@@ -162,6 +166,7 @@ VALVE_HYSTERESIS: Final = Cause(
     hidden=Hidden(
         _shown("valve_hysteresis.half_width", SHOWN_HALF_WIDTH), "a tenth of the command as half width"
     ),
+    tells_lags_apart=False,
 )
 VALVE_LAG: Final = Cause(
     name="valve_lag",
@@ -169,8 +174,9 @@ VALVE_LAG: Final = Cause(
     coordinates=lambda s: (linear("time", 1.0 / s.omega_n, shortest_lag(s), longest(s)),),
     starts=lag_starts(0.1, 0.5),
     remote=lambda _: SLOW_LAG,
-    alike=same_time("valve_lag", "sensor_lag", "transport_delay"),
+    alike=same_time("valve_lag", "sensor_lag", "transport_delay", lag="sensor_lag"),
     delays=True,
+    tells_lags_apart=False,
 )
 SPOOL_INERTIA: Final = Cause(
     name="spool_inertia",
@@ -188,6 +194,7 @@ SPOOL_INERTIA: Final = Cause(
         ),
     ),
     figure=_spool_damping,
+    tells_lags_apart=False,
 )
 VALVE_RATE_LIMIT: Final = Cause(
     name="valve_rate_limit",
@@ -198,6 +205,7 @@ VALVE_RATE_LIMIT: Final = Cause(
     starts=lambda s: tuple((ramping(s, x),) for x in RAMPS),
     alike=same_delay("sensor_lag", "transport_delay", "valve_lag"),
     grid=Grid(ramps=lambda lasts, height: {"valve_rate_limit.rate": height / lasts}),
+    ramps="rate",
 )
 NULL_SHIFT: Final = Cause(
     name="null_shift",
@@ -208,6 +216,7 @@ NULL_SHIFT: Final = Cause(
     plain=(Plain("load_bias", becomes=_load_of_null),),
     alike=(Alike("load_bias", _load_of_null),),
     mirrored=("voltage",),
+    tells_lags_apart=False,
 )
 VALVE_DEADBAND: Final = Cause(
     name="valve_deadband",

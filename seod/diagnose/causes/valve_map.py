@@ -164,5 +164,6 @@ STATIC_VALVE_MAP: Final = Cause(
     elsewhere=Elsewhere("at_ports", BEFORE_THE_PORTS),
     mirrored=MAP_TILTS,
     figure=_off,
+    tells_lags_apart=False,
 )
 VALVE_MAP: Final = (STATIC_VALVE_MAP,)

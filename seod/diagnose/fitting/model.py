@@ -64,6 +64,12 @@ class Model:
         return [column for column, state in enumerate(START) if state in free]
 
     @property
+    def known_gain(self) -> float | None:
+        """K_L where the user tells it [unit/s/V]; None: it is searched."""
+        gain = self.coordinates[0]
+        return gain.scale * gain.low if gain.low == gain.high else None
+
+    @property
     def _on(self) -> set[str]:
         return {*self.names, *(CAUSES.keys() & self.fixed.keys())}
 
@@ -97,7 +103,7 @@ class Model:
 
     def _same_plants(self) -> list[SamePlant]:
         """Of the free causes; none where K_L is known: that is the plant's own."""
-        if self.coordinates[0].low == self.coordinates[0].high:
+        if self.known_gain is not None:
             return []
         return [SAME_PLANT[name] for name in self.names if name in SAME_PLANT]
 
@@ -149,7 +155,7 @@ class Model:
     def turned(self, K_L: float) -> Model:
         """The same for a plant whose gain has the sign of this one."""
         gain, *others = self.coordinates
-        if gain.low == gain.high:  # it is known
+        if self.known_gain is not None:
             return self
         return replace(self, coordinates=(replace(gain, scale=math.copysign(1.0, K_L)), *others))
 

@@ -84,9 +84,9 @@ def baseline(
             BASELINE.short_segment_rows * max(recording.tick for recording in cut.series),
         ),
     )
-    points = _grid(short, sees_speed, fixed, parallel)[: BASELINE.kept_points]
+    points = plants_of_grid(short, sees_speed, fixed, parallel)[: BASELINE.kept_points]
     local = min(parallel(lambda point: _biased(point, short), points), key=lambda one: one.cost)
-    every = _grid(few, sees_speed, fixed, parallel)
+    every = plants_of_grid(few, sees_speed, fixed, parallel)
     starts = [local, *every[: BASELINE.kept_points - 1]]
     found: list[Fitted] = list(parallel(lambda point: _plain(point, cut), starts))
     near = unchanged(*_begun(local, cut), cut)
@@ -94,14 +94,14 @@ def baseline(
     if cut.relayed:
         return BaselineFits(best, near, _near_limit_cycle(cut, sees_speed, fixed))
     wide = undivided(cut)
-    start = _grid(beginnings(wide, BASELINE.whole_rows), sees_speed, fixed, parallel)[0]
+    start = plants_of_grid(beginnings(wide, BASELINE.whole_rows), sees_speed, fixed, parallel)[0]
     of_whole = _plain(start, wide)
     return BaselineFits(
         best, near, unchanged(of_whole.model, of_whole.x, cut), damped=_damped(best, every, cut)
     )
 
 
-def _damped(best: Fitted, every: Sequence[_GridPoint], cut: Cut) -> Fitted | None:
+def _damped(best: Fitted, every: Sequence[GridPoint], cut: Cut) -> Fitted | None:
     """Fitted from the best point of the grid that is damped, if the best plant is hardly."""
     if best.model.values(best.x)["zeta"] > BASELINE.undamped:
         return None
@@ -122,7 +122,7 @@ def unchanged(model: Model, x: Array, cut: Cut) -> Fitted:
     return fit(model, cut, x, simulated_states(model, x, cut), free=np.zeros(len(x), np.bool_))
 
 
-class _GridPoint(NamedTuple):
+class GridPoint(NamedTuple):
     """A start: K_L, loads by their places, omega_n and zeta, sorted by the cost."""
 
     cost: float
@@ -134,7 +134,7 @@ class _GridPoint(NamedTuple):
     fixed: Fixed
 
 
-def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> list[_GridPoint]:
+def plants_of_grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> list[GridPoint]:
     """A grid over omega_n and zeta, K_L and loads solved for in each point; the best first."""
     one = cut.series[cut.windows[0][0]]
     omega = 2.0 * math.pi / one.period_s
@@ -147,16 +147,16 @@ def _grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelMap) -> li
     )
 
 
-def _grid_point(cut: Cut, sees_speed: bool, fixed: Fixed, at: tuple[float, float]) -> _GridPoint:
+def _grid_point(cut: Cut, sees_speed: bool, fixed: Fixed, at: tuple[float, float]) -> GridPoint:
     """K_L and loads solved for at this omega_n and zeta."""
     omega_n, zeta = at
     model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed.effects, fixed.gain)
     x = model.searched({"K_L": model.scales.speed, "omega_n": omega_n, "zeta": zeta})  # of 1 V
     found = linear_gain(model, cut, x, measured_places(cut), fixed.gain)
-    return _GridPoint(found.cost, found.K_L, found.loads, omega_n, zeta, sees_speed, fixed)
+    return GridPoint(found.cost, found.K_L, found.loads, omega_n, zeta, sees_speed, fixed)
 
 
-def _begun(point: _GridPoint, cut: Cut) -> tuple[Model, Array]:
+def _begun(point: GridPoint, cut: Cut) -> tuple[Model, Array]:
     sign = math.copysign(1.0, point.K_L)
     model = baseline_model(
         _rough(cut, point.omega_n), sign, point.sees_speed, point.fixed.effects, point.fixed.gain
@@ -204,12 +204,12 @@ def _slowest(cut: Cut) -> float:
     return math.pi / min(float(cut.series[k].t[b - 1] - cut.series[k].t[a]) for k, a, b in cut.windows)
 
 
-def _plain(point: _GridPoint, cut: Cut) -> Fitted:
+def _plain(point: GridPoint, cut: Cut) -> Fitted:
     model, x = _begun(point, cut)
     return fit(model, cut, x, simulated_states(model, x, cut), most=BASELINE.fit_steps)
 
 
-def _biased(point: _GridPoint, cut: Cut) -> _GridPoint:
+def _biased(point: GridPoint, cut: Cut) -> GridPoint:
     """The point after a fit with free loads."""
     model, x = _begun(point, cut)
     values = model.values(x)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, SOLVED, searched_causes
+from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, RAMPS, SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
 from seod.diagnose.starts.pulled_back import pulled_back
+from seod.diagnose.starts.ramps import behind_ramps
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import SEARCH_ROOTS
@@ -20,10 +21,11 @@ from seod.diagnose.tuning.starts import SEARCH_ROOTS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from seod.diagnose.causes.scales import Scales
+    from seod.diagnose.causes.scales import Scales, Values
     from seod.diagnose.fitting.judged import Judged
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
+    from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.record.closed_form import ClosedForm
     from seod.diagnose.record.windows import Cut
 
@@ -53,20 +55,24 @@ class Roots(NamedTuple):
     begin: list[Fitted]
 
 
-def search_roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
+def search_roots(
+    base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut, parallel: ParallelMap = map
+) -> Roots:
     """The baseline and the other fits where they differ, or Eq. 1 with a load, if that hid the plant.
 
-    Where something pulls the load back, all sizes are those of that plant: Eq. 1 is none. Where readings have
-    lost their sign the baseline behind such a sensor is one of them.
+    Where something pulls the load back, or the valve hardly comes to where it is sent, all sizes are those of
+    that plant: Eq. 1 is none. Where readings have lost their sign the baseline behind such a sensor is one of
+    them.
     """
     roots = _roots(base, fits, sizes, cut)
-    held = _pulled_back(roots)
-    if held is None:
+    hidden = _hidden(roots, parallel)
+    if hidden is None:
         return _also_unsigned(roots, cut)
-    sizes = replace(scales(held, cut), given=sizes.given)
+    sizes = replace(scales(hidden, cut), given=sizes.given)
     roots = _also_unsigned(_roots(base, fits, sizes, cut), cut)
-    held = _as_start(roots.baseline.model, held.model.values(held.x), cut)
-    return roots._replace(begin=[held, *roots.begin])
+    (name,) = hidden.model.names
+    hidden = _as_start(roots.baseline.model, name, hidden.model.values(hidden.x), cut)
+    return roots._replace(begin=[hidden, *roots.begin])
 
 
 def _roots(base: Fitted, fits: BaselineFits, sizes: Scales, cut: Cut) -> Roots:
@@ -120,26 +126,40 @@ def _with_load(found: Sequence[Fitted]) -> list[Fitted]:
     return [loaded, *oscillating, *(_about_its_null(loaded) if _off_zero(loaded.cut) else ())]
 
 
-def _pulled_back(roots: Roots) -> Fitted | None:
-    """A load that something pulls back, where that leaves so much less that Eq. 1, loaded or not, is none.
+def _hidden(roots: Roots, parallel: ParallelMap) -> Fitted | None:
+    """A plant with what hides it from Eq. 1, if that leaves so much less that Eq. 1, loaded or not, is none.
 
     Eq. 1 of a position that comes to rest where u stands still is as far from it as can be.
     """
     model, cut = roots.baseline.model, roots.baseline.cut
-    if PULLS in model.fixed or roots.baseline.excess < SEARCH_ROOTS.far_from_noise:
+    if roots.baseline.excess < SEARCH_ROOTS.far_from_noise:
         return None
-    places = (*BASE, *PULLS_PLACES)
-    tried = [_as_start(model, dict(zip(places, one, strict=True)), cut) for one in pulled_back(cut)]
-    tried.sort(key=lambda one: one.cost)
-    every = [fit(one.model, cut, one.x, one.start) for one in tried[: SEARCH_ROOTS.pulled_back]]
+    begun: list[tuple[str, Values]] = []
+    if PULLS not in model.fixed:
+        places = (*BASE, *PULLS_PLACES)
+        begun += [(PULLS, dict(zip(places, one, strict=True))) for one in pulled_back(cut)]
+    if RAMPS in searched_causes(model.scales) and RAMPS not in model.fixed and not cut.relayed:
+        begun += [(RAMPS, one) for one in behind_ramps(model, cut, parallel)]
+    tried = list(parallel(lambda one: _as_start(model, one[0], one[1], cut), begun))
+    every = list(parallel(lambda one: fit(one.model, cut, one.x, one.start), _few_of_each(tried)))
     best = min(every, key=lambda one: one.cost, default=None)
     least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
     return best if best is not None and best.cost < least else None
 
 
-def _as_start(model: Model, values: Mapping[str, float], cut: Cut) -> Fitted:
-    held = model.turned(values["K_L"]).with_effect(PULLS)
-    return unchanged(held, held.searched(values), cut)
+def _few_of_each(tried: Sequence[Fitted]) -> list[Fitted]:
+    """Of each cause the best starts."""
+    ranked = sorted(tried, key=lambda one: one.cost)
+    every = [
+        [one for one in ranked if one.model.names == names]
+        for names in {one.model.names: None for one in tried}
+    ]
+    return [one for own in every for one in own[: SEARCH_ROOTS.fitted_of_hidden]]
+
+
+def _as_start(model: Model, name: str, values: Mapping[str, float], cut: Cut) -> Fitted:
+    own = model.turned(values["K_L"]).with_effect(name)
+    return unchanged(own, own.searched(values), cut)
 
 
 def _oscillating(found: Sequence[Fitted], name: str) -> list[Fitted]:

@@ -193,8 +193,8 @@ class SearchRoots:
     of its rates is a fourteenth of the other."""
     hardly_damped: float = 0.02
     """[-] zeta down to which that one may be: less is that of a plant which is none. Chosen."""
-    pulled_back: int = 2
-    """[plants] Of a load that is pulled back, by segments of several lengths, that are fitted. Chosen."""
+    fitted_of_hidden: int = 2
+    """[plants] Of each cause that may hide the plant from Eq. 1, that are fitted. Chosen."""
     shortest_rows: int = 25
     """[rows] Of such segments, at least. Chosen: five unknowns and a parabola of each."""
     load_saves: float = 1.0
@@ -203,6 +203,29 @@ class SearchRoots:
 
 
 SEARCH_ROOTS: Final = SearchRoots()
+
+
+@dataclass(frozen=True, slots=True)
+class RampGrid:
+    """Speeds of a valve behind which plants are looked for."""
+
+    lost: float = 0.5
+    """[-] Part of the command's deviation that the quickest of them loses. Chosen: of 18 records with such a
+    valve seven were missed, all with 0.83 to 1.12; all seven that lost less were found."""
+    halvings: int = 12
+    """[-] Of the range in which that speed is found. Chosen: to a thousandth of its logarithm."""
+    step: float = 1.25
+    """[-] From one speed to the next. Measured: of binary noise a plant behind one 1.26 times as fast left
+    1.3 to 1.6 times the error."""
+    speeds: int = 13
+    """[-] So many: down to a fifteenth of the quickest. Chosen: the seven were as slow as a twelfth."""
+    rows: int = 4000
+    """[rows] In which they are looked for, at most. Measured: five of the seven are found, as in all."""
+    kept: int = 3
+    """[plants] Of different speed that are kept. Chosen."""
+
+
+RAMP_GRID: Final = RampGrid()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, causes_tried
+from seod.diagnose.causes.table import CAUSES, OFFSET, answered_as, causes_tried, commuting
 from seod.diagnose.fitting.judged import Judged
 from seod.diagnose.fitting.uncertainty import covariance, effect_parameters, p_value, reaches_null
 from seod.diagnose.record.sweep import sweeps
@@ -74,6 +74,7 @@ def found_effects(
         if not EFFECTS[name].cause:
             continue
         others = (
+            *_commuting(name, chosen.searched),
             *_in_place_of(name, chosen, rest.found, screen, tried),
             *_over_the_sweep(name, chosen.searched, tried),
             *_unrepeated(name, chosen.searched),
@@ -139,6 +140,18 @@ def _numbers(fitted: Fitted, name: str, spread: Array) -> dict[str, Parameter]:
     low, high = sorted(factor * end for end in size.ci95)
     _, wanted = parameter(place)
     return {wanted.name: Parameter(value, wanted.unit, (low, high)), **own}
+
+
+def _commuting(name: str, fitted: Fitted) -> list[str]:
+    """Causes that are the same in a plant such as this.
+
+    Of two lags one may have a state more in each window, by which it is nearer to noise that remembers.
+    """
+    model = fitted.model
+    if model.moved:
+        return []
+    beside = {*model.names, *(CAUSES.keys() & model.fixed.keys())} - {name}
+    return [each for each in commuting(name, beside) if each not in model.scales.given]
 
 
 def _over_the_sweep(name: str, fitted: Fitted, tried: Mapping[frozenset[str], Fitted]) -> list[str]:
