@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -47,10 +48,12 @@ def position(command, rate):
     return recording(command(), lfilter(b.ravel(), a, valve)[::FINER], noise=0.001)
 
 
-def roots_of(record):
+def roots_of(record, quicker=1.0):
+    """Roots beside a baseline whose plant is so many times as quick as fitted."""
     windows = segments(cut([series(record)])[0])
     begun = baseline(windows, False, {})
-    return search_roots(begun.best, begun, scales(begun.near, begun.near.cut), windows)
+    sizes = scales(begun.near, begun.near.cut)
+    return search_roots(begun.best, begun, replace(sizes, omega_n=quicker * sizes.omega_n), windows)
 
 
 @pytest.mark.slow
@@ -66,6 +69,16 @@ def test_the_search_begins_at_the_plant_behind_a_slow_valve(command, lasts):
     assert [values[of] for of in ("K_L", "omega_n", "zeta", "valve_rate_limit.rate")] == pytest.approx(
         [K_L, OMEGA_N, ZETA, rate], rel=0.03
     )
+
+
+@pytest.mark.slow
+@pytest.mark.computes
+def test_a_baseline_that_is_far_too_quick_does_not_limit_the_valve():
+    """Its limits are in radians of a plant: of the one behind the ramps."""
+    rate = 2.0 * VOLTS / (2.0 * 0.09)
+    first, *_ = roots_of(position(binary, rate), quicker=200.0).begin
+    assert first.model.names == ("valve_rate_limit",)
+    assert first.model.values(first.x)["valve_rate_limit.rate"] == pytest.approx(rate, rel=0.01)
 
 
 @pytest.mark.slow

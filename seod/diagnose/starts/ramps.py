@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import RAMPS, RAMPS_PLACE, group
+from seod.diagnose.causes.table import RAMPS, RAMPS_PLACE
 from seod.diagnose.record.windows import beginnings, sample
 from seod.diagnose.starts.baseline import Fixed, plants_of_grid
 from seod.diagnose.tuning.starts import BASELINE, RAMP_GRID
+from sim.effects import parameter
 
 if TYPE_CHECKING:
     from seod.diagnose.causes.scales import Values
@@ -30,12 +31,12 @@ if TYPE_CHECKING:
 def behind_ramps(model: Model, cut: Cut, parallel: ParallelMap) -> list[Values]:
     """The nearest plants of the grid behind ramps of different speed, numbers by place; the best first."""
     few = beginnings(sample(cut, BASELINE.windows_s), RAMP_GRID.rows)
-    parameter, (limits,) = RAMPS_PLACE.partition(".")[2], group(RAMPS, model.scales).coordinates
+    _, limits = parameter(RAMPS_PLACE)
     found = []
     for speed in _speeds(few):
         if not limits.low <= speed <= limits.high:
             continue
-        fixed = Fixed({**model.fixed, RAMPS: {parameter: speed}}, model.known_gain)
+        fixed = Fixed({**model.fixed, RAMPS: {limits.name: speed}}, model.known_gain)
         nearest = plants_of_grid(few, model.sees_speed, fixed, parallel)[0]
         numbers = dict(zip(BASE, (nearest.K_L, nearest.omega_n, nearest.zeta), strict=True))
         found.append((nearest.cost, numbers | {RAMPS_PLACE: speed}))

@@ -140,7 +140,13 @@ def _hidden(roots: Roots, parallel: ParallelMap) -> Fitted | None:
         begun += [(PULLS, dict(zip(places, one, strict=True))) for one in pulled_back(cut)]
     if RAMPS in searched_causes(model.scales) and RAMPS not in model.fixed and not cut.relayed:
         begun += [(RAMPS, one) for one in behind_ramps(model, cut, parallel)]
-    tried = list(parallel(lambda one: _as_start(model, one[0], one[1], cut), begun))
+
+    def as_start(one: tuple[str, Values]) -> Fitted:
+        name, values = one
+        own = replace(model, scales=replace(model.scales, omega_n=values["omega_n"]))  # for its limits
+        return _as_start(own, name, values, cut)
+
+    tried = list(parallel(as_start, begun))
     every = list(parallel(lambda one: fit(one.model, cut, one.x, one.start), _few_of_each(tried)))
     best = min(every, key=lambda one: one.cost, default=None)
     least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
