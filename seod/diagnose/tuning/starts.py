@@ -216,7 +216,7 @@ class RampGrid:
     """[-] Of the range in which that speed is found. Chosen: to a thousandth of its logarithm."""
     step: float = 1.25
     """[-] From one speed to the next. Measured: of binary noise a plant behind one 1.26 times as fast left
-    1.3 to 1.6 times the error."""
+    1.4 to 1.9 times the error."""
     speeds: int = 13
     """[-] So many: down to a fifteenth of the quickest. Chosen: the seven were as slow as a twelfth."""
     rows: int = 4000
