@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -28,9 +27,9 @@ from seod.diagnose.fitting.least_squares import Fitted, fit
 from seod.diagnose.record.command_period import in_step
 from seod.diagnose.search.first_order_gain import ParentResidual
 from seod.diagnose.starts.effect_starts import effect_starts
+from seod.diagnose.starts.search_roots import is_another_plant
 from seod.diagnose.tuning.fitting import FIT
 from seod.diagnose.tuning.search import RACE
-from seod.diagnose.tuning.starts import EFFECT_STARTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -260,9 +259,7 @@ def best_starts(some: Iterable[Runner]) -> list[Runner]:
 
 def elsewhere(fitted: Fitted, other: Fitted) -> bool:
     """Whether a fit that is not much worse than another of the same effects has another plant."""
-    own, others = fitted.model.values(fitted.x), other.model.values(other.x)
-    apart = max(abs(math.log(own[of] / others[of])) for of in ("omega_n", "zeta"))
-    return fitted.cost < other.cost + RACE.finished_within and apart > EFFECT_STARTS.other_plant
+    return fitted.cost < other.cost + RACE.finished_within and is_another_plant(fitted, other)
 
 
 def _front(parents: Sequence[Fitted], some: Sequence[Runner], most: int) -> list[Runner]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,12 +12,13 @@ from seod.diagnose.causes.base import BASE
 from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, RAMPS, SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
+from seod.diagnose.fitting.work import uncounted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
 from seod.diagnose.starts.pulled_back import pulled_back
 from seod.diagnose.starts.ramps import behind_ramps
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.unsigned import unsigned_root
-from seod.diagnose.tuning.starts import SEARCH_ROOTS
+from seod.diagnose.tuning.starts import EFFECT_STARTS, SEARCH_ROOTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -134,33 +136,35 @@ def _hidden(roots: Roots, parallel: ParallelMap) -> Fitted | None:
     model, cut = roots.baseline.model, roots.baseline.cut
     if roots.baseline.excess < SEARCH_ROOTS.far_from_noise:
         return None
-    begun: list[tuple[str, Values]] = []
+    every: list[Fitted] = []
     if PULLS not in model.fixed:
         places = (*BASE, *PULLS_PLACES)
-        begun += [(PULLS, dict(zip(places, one, strict=True))) for one in pulled_back(cut)]
+        every += _nearest(
+            model, PULLS, [dict(zip(places, one, strict=True)) for one in pulled_back(cut)], cut
+        )
     if RAMPS in searched_causes(model.scales) and RAMPS not in model.fixed and not cut.relayed:
-        begun += [(RAMPS, one) for one in behind_ramps(model, cut, parallel)]
-
-    def as_start(one: tuple[str, Values]) -> Fitted:
-        name, values = one
-        own = replace(model, scales=replace(model.scales, omega_n=values["omega_n"]))  # for its limits
-        return _as_start(own, name, values, cut)
-
-    tried = list(parallel(as_start, begun))
-    every = list(parallel(lambda one: fit(one.model, cut, one.x, one.start), _few_of_each(tried)))
+        ramped = uncounted(lambda: _nearest(model, RAMPS, behind_ramps(model, cut, parallel), cut))
+        every += [one for one in ramped if is_another_plant(one, roots.baseline)]
     best = min(every, key=lambda one: one.cost, default=None)
     least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
     return best if best is not None and best.cost < least else None
 
 
-def _few_of_each(tried: Sequence[Fitted]) -> list[Fitted]:
-    """Of each cause the best starts."""
-    ranked = sorted(tried, key=lambda one: one.cost)
-    every = [
-        [one for one in ranked if one.model.names == names]
-        for names in {one.model.names: None for one in tried}
-    ]
-    return [one for own in every for one in own[: SEARCH_ROOTS.fitted_of_hidden]]
+def _nearest(model: Model, name: str, plants: Sequence[Values], cut: Cut) -> list[Fitted]:
+    """The best of plants with a cause, fitted, which begin within limits of their own."""
+    every = []
+    for values in plants:
+        own = replace(model, scales=replace(model.scales, omega_n=values["omega_n"]))
+        every.append(_as_start(own, name, values, cut))
+    ranked = sorted(every, key=lambda one: one.cost)
+    return [fit(one.model, cut, one.x, one.start) for one in ranked[: SEARCH_ROOTS.fitted_of_hidden]]
+
+
+def is_another_plant(fitted: Fitted, other: Fitted) -> bool:
+    """Whether a fit has another plant: else the other is near enough to begin from."""
+    own, others = fitted.model.values(fitted.x), other.model.values(other.x)
+    apart = max(abs(math.log(own[of] / others[of])) for of in ("omega_n", "zeta"))
+    return apart > EFFECT_STARTS.other_plant
 
 
 def _as_start(model: Model, name: str, values: Mapping[str, float], cut: Cut) -> Fitted:
