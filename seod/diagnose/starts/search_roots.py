@@ -139,25 +139,28 @@ def _hidden(roots: Roots, parallel: ParallelMap) -> Fitted | None:
     every: list[Fitted] = []
     if PULLS not in model.fixed:
         places = (*BASE, *PULLS_PLACES)
-        every += _nearest(
-            model, PULLS, [dict(zip(places, one, strict=True)) for one in pulled_back(cut)], cut
-        )
+        plants = [dict(zip(places, one, strict=True)) for one in pulled_back(cut)]
+        starts = sorted(_starts(model, PULLS, plants, cut), key=lambda one: one.cost)
+        every += _fitted(starts[: SEARCH_ROOTS.pulled_back])
     if RAMPS in searched_causes(model.scales) and RAMPS not in model.fixed and not cut.relayed:
-        ramped = uncounted(lambda: _nearest(model, RAMPS, behind_ramps(model, cut, parallel), cut))
+        ramped = uncounted(lambda: _fitted(_starts(model, RAMPS, behind_ramps(model, cut, parallel), cut)))
         every += [one for one in ramped if is_another_plant(one, roots.baseline)]
     best = min(every, key=lambda one: one.cost, default=None)
     least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
     return best if best is not None and best.cost < least else None
 
 
-def _nearest(model: Model, name: str, plants: Sequence[Values], cut: Cut) -> list[Fitted]:
-    """The best of plants with a cause, fitted, which begin within limits of their own."""
-    every = []
-    for values in plants:
-        own = replace(model, scales=replace(model.scales, omega_n=values["omega_n"]))
-        every.append(_as_start(own, name, values, cut))
-    ranked = sorted(every, key=lambda one: one.cost)
-    return [fit(one.model, cut, one.x, one.start) for one in ranked[: SEARCH_ROOTS.fitted_of_hidden]]
+def _starts(model: Model, name: str, plants: Sequence[Values], cut: Cut) -> list[Fitted]:
+    """Plants with a cause, within limits of their own."""
+
+    def limited(omega_n: float) -> Model:
+        return replace(model, scales=replace(model.scales, omega_n=omega_n))
+
+    return [_as_start(limited(one["omega_n"]), name, one, cut) for one in plants]
+
+
+def _fitted(starts: Sequence[Fitted]) -> list[Fitted]:
+    return [fit(one.model, one.cut, one.x, one.start) for one in starts]
 
 
 def is_another_plant(fitted: Fitted, other: Fitted) -> bool:

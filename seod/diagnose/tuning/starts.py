@@ -193,8 +193,8 @@ class SearchRoots:
     of its rates is a fourteenth of the other."""
     hardly_damped: float = 0.02
     """[-] zeta down to which that one may be: less is that of a plant which is none. Chosen."""
-    fitted_of_hidden: int = 2
-    """[plants] Of each cause that may hide the plant from Eq. 1, that are fitted. Chosen."""
+    pulled_back: int = 2
+    """[plants] Of a load that is pulled back, by segments of several lengths, that are fitted. Chosen."""
     shortest_rows: int = 25
     """[rows] Of such segments, at least. Chosen: five unknowns and a parabola of each."""
     load_saves: float = 1.0
@@ -221,8 +221,8 @@ class RampGrid:
     """[-] So many: down to a fifteenth of the quickest. Chosen: the seven were as slow as a twelfth."""
     rows: int = 4000
     """[rows] In which they are looked for, at most. Measured: five of the seven are found, as in all."""
-    kept: int = 3
-    """[plants] Of different speed that are kept. Chosen."""
+    kept: int = 2
+    """[plants] Of different speed that are fitted, the best of the grid. Chosen."""
 
 
 RAMP_GRID: Final = RampGrid()
