@@ -10,9 +10,11 @@ import pytest
 from diagnose_truth import RATE, recording
 from scipy.signal import cont2discrete, lfilter
 
+from seod.diagnose.fitting.work import used_s
 from seod.diagnose.pipeline import Options, diagnose
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
+from seod.diagnose.starts import search_roots as search_roots_module
 from seod.diagnose.starts.baseline import baseline
 from seod.diagnose.starts.ramps import _half_lost
 from seod.diagnose.starts.search_roots import search_roots
@@ -79,6 +81,20 @@ def test_a_baseline_that_is_far_too_quick_does_not_limit_the_valve():
     first, *_ = roots_of(position(binary, rate), quicker=200.0).begin
     assert first.model.names == ("valve_rate_limit",)
     assert first.model.values(first.x)["valve_rate_limit.rate"] == pytest.approx(rate, rel=0.01)
+
+
+@pytest.mark.slow
+def test_plants_behind_ramps_do_not_count_as_work_of_the_search(monkeypatch):
+    """A search of little work had ended before it tried what it had found until then."""
+    monkeypatch.setattr(search_roots_module, "pulled_back", lambda _: [])
+    monkeypatch.setattr(search_roots_module, "is_another_plant", lambda *_: False)
+    record, used = position(binary, 2.0 * VOLTS / (2.0 * 0.09)), []
+    for plants in (search_roots_module.behind_ramps, lambda *_: []):
+        monkeypatch.setattr(search_roots_module, "behind_ramps", plants)
+        before = used_s()
+        roots_of(record)
+        used.append(used_s() - before)
+    assert used[0] == pytest.approx(used[1], rel=1e-9)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from diagnosis_example import LEVEL, command, simulate
 from seod.cli import app
 from seod.diagnose import pipeline
 from seod.diagnose.fitting import simulate as simulated
-from seod.diagnose.fitting.work import counted, spend, used_s
+from seod.diagnose.fitting.work import counted, spend, uncounted, used_s
 from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut
 from seod.diagnose.search.budget import EFFORTS, Budget
@@ -32,6 +32,16 @@ def test_a_simulation_counts_its_steps_and_rows():
     assert used_s() - before == pytest.approx(
         1e-9 * (WORK.simulation_ns + 1000 * WORK.step_ns + 500 * WORK.row_ns)
     )
+
+
+def test_what_is_not_counted_is_not_counted_side_by_side_either():
+    before, rows = used_s(), [100, 200]
+    side_by_side = counted(map)
+    assert uncounted(lambda: list(side_by_side(lambda n: spend(0.0, n) or n, rows))) == rows
+    assert used_s() == before
+    with pytest.raises(ZeroDivisionError):
+        uncounted(lambda: (spend(0.0, 100), 1 / 0))
+    assert used_s() == before
 
 
 def test_steps_with_an_orifice_count_as_what_they_take():
