@@ -16,7 +16,7 @@ from seod.diagnose.record.series import series
 from seod.diagnose.record.windows import cut, segments
 from seod.diagnose.starts import search_roots as search_roots_module
 from seod.diagnose.starts.baseline import baseline
-from seod.diagnose.starts.ramps import _half_lost
+from seod.diagnose.starts.hidden_plants import _half_lost
 from seod.diagnose.starts.search_roots import search_roots
 from seod.diagnose.starts.sizes import scales
 
@@ -89,8 +89,8 @@ def test_plants_behind_ramps_do_not_count_as_work_of_the_search(monkeypatch):
     monkeypatch.setattr(search_roots_module, "pulled_back", lambda _: [])
     monkeypatch.setattr(search_roots_module, "is_another_plant", lambda *_: False)
     record, used = position(binary, 2.0 * VOLTS / (2.0 * 0.09)), []
-    for plants in (search_roots_module.behind_ramps, lambda *_: []):
-        monkeypatch.setattr(search_roots_module, "behind_ramps", plants)
+    for plants in (search_roots_module.hidden_plants, lambda *_: []):
+        monkeypatch.setattr(search_roots_module, "hidden_plants", plants)
         before = used_s()
         roots_of(record)
         used.append(used_s() - before)

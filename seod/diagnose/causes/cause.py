@@ -291,6 +291,8 @@ class Cause:
             it is none: a plant with both is linear. None without.
         ramps: Parameter by which the valve is no faster: plants are looked for behind such ramps, too; ""
             without one.
+        holds: Parameter by which it is a force against the movement that holds the load at rest: plants are
+            looked for behind it, too; "" without one.
         figure: A number that the sentence tells, from all effects of the model.
     """
 
@@ -322,6 +324,7 @@ class Cause:
     drift: str = ""
     pulls: tuple[str, str] | None = None
     ramps: str = ""
+    holds: str = ""
     figure: Callable[[Effects], float] | None = None
 
     @property

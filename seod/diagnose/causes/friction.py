@@ -202,6 +202,7 @@ COULOMB_FRICTION: Final = Cause(
             },
         ),
     ),
+    holds="level",
 )
 STRIBECK_FRICTION: Final = Cause(
     name="stribeck_friction",

@@ -61,6 +61,8 @@ PULLS, PULLS_PLACES = next(
 """The cause that is an acceleration in proportion to the position, and its parameters."""
 RAMPS, RAMPS_PLACE = next((name, f"{name}.{one.ramps}") for name, one in CAUSES.items() if one.ramps)
 """The cause that is a valve of limited speed, and its parameter."""
+HOLDS, HOLDS_PLACE = next((name, f"{name}.{one.holds}") for name, one in CAUSES.items() if one.holds)
+"""The cause that is a dry friction, and its parameter."""
 TWINS: Final = {name: one.twin for name, one in CAUSES.items() if one.twin is not None}
 """Causes with which a plant of Eq. 1 is the same as without, and their parameters there."""
 SAME_PLANT: Final = {name: one.same_plant for name, one in CAUSES.items() if one.same_plant is not None}

@@ -15,19 +15,22 @@ from seod.diagnose.causes.table import SOLVED
 from seod.diagnose.fitting.initial_states import measured_places, simulated_states
 from seod.diagnose.fitting.least_squares import fit
 from seod.diagnose.fitting.linear_gain import linear_gain
-from seod.diagnose.fitting.model import baseline_model
+from seod.diagnose.fitting.model import baseline_model, grouped
 from seod.diagnose.record.windows import Cut, beginnings, sample, segments, undivided
 from seod.diagnose.starts.sizes import largest_force
 from seod.diagnose.tuning.starts import BASELINE, SIZES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from seod.diagnose.causes.scales import Values
     from seod.diagnose.fitting.least_squares import Fitted
     from seod.diagnose.fitting.model import Model
     from seod.diagnose.fitting.work import ParallelMap
     from seod.diagnose.result import Array
+
+    Behind = Callable[[float, float], Values]
+    """Numbers of a cause, by place, that belong to a plant's K_L [unit/s/V] and omega_n [rad/s]."""
 
 
 class BaselineFits(NamedTuple):
@@ -60,11 +63,13 @@ class Fixed(NamedTuple):
         effects: Of the rig's file, or given otherwise.
         gain: K_L [unit/s/V]; None where it is searched.
         given: Those of the effects that the user tells.
+        behind: What else each plant of the grid is behind.
     """
 
     effects: Mapping[str, Mapping[str, float]]
     gain: float | None = None
     given: frozenset[str] = frozenset()
+    behind: Behind | None = None
 
 
 def baseline(
@@ -150,8 +155,11 @@ def plants_of_grid(cut: Cut, sees_speed: bool, fixed: Fixed, parallel: ParallelM
 def _grid_point(cut: Cut, sees_speed: bool, fixed: Fixed, at: tuple[float, float]) -> GridPoint:
     """K_L and loads solved for at this omega_n and zeta."""
     omega_n, zeta = at
-    model = baseline_model(_rough(cut, omega_n), 1.0, sees_speed, fixed.effects, fixed.gain)
-    x = model.searched({"K_L": model.scales.speed, "omega_n": omega_n, "zeta": zeta})  # of 1 V
+    rough = _rough(cut, omega_n)
+    K_L = rough.speed  # of 1 V
+    behind = grouped(fixed.behind(K_L, omega_n)) if fixed.behind is not None else {}
+    model = baseline_model(rough, 1.0, sees_speed, {**fixed.effects, **behind}, fixed.gain)
+    x = model.searched({"K_L": K_L, "omega_n": omega_n, "zeta": zeta})
     found = linear_gain(model, cut, x, measured_places(cut), fixed.gain)
     return GridPoint(found.cost, found.K_L, found.loads, omega_n, zeta, sees_speed, fixed)
 

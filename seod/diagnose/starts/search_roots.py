@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seod.diagnose.causes.base import BASE
-from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, RAMPS, SOLVED, searched_causes
+from seod.diagnose.causes.table import CAUSES, PULLS, PULLS_PLACES, SOLVED, searched_causes
 from seod.diagnose.fitting.initial_states import settled_states, simulated_states
 from seod.diagnose.fitting.least_squares import fit, weighted
 from seod.diagnose.fitting.work import uncounted
 from seod.diagnose.starts.baseline import BaselineFits, unchanged
+from seod.diagnose.starts.hidden_plants import hidden_plants
 from seod.diagnose.starts.pulled_back import pulled_back
-from seod.diagnose.starts.ramps import behind_ramps
 from seod.diagnose.starts.sizes import scales
 from seod.diagnose.starts.unsigned import unsigned_root
 from seod.diagnose.tuning.starts import EFFECT_STARTS, SEARCH_ROOTS
@@ -142,12 +142,18 @@ def _hidden(roots: Roots, parallel: ParallelMap) -> Fitted | None:
         plants = [dict(zip(places, one, strict=True)) for one in pulled_back(cut)]
         starts = sorted(_starts(model, PULLS, plants, cut), key=lambda one: one.cost)
         every += _fitted(starts[: SEARCH_ROOTS.pulled_back])
-    if RAMPS in searched_causes(model.scales) and RAMPS not in model.fixed and not cut.relayed:
-        ramped = uncounted(lambda: _fitted(_starts(model, RAMPS, behind_ramps(model, cut, parallel), cut)))
-        every += [one for one in ramped if is_another_plant(one, roots.baseline)]
+    if not cut.relayed:  # which has a grid of its own
+        behind = uncounted(lambda: _fitted(_behind_causes(model, cut, parallel)))
+        every += [one for one in behind if is_another_plant(one, roots.baseline)]
     best = min(every, key=lambda one: one.cost, default=None)
     least = min(one.cost for one in roots.begin) - SEARCH_ROOTS.load_saves
     return best if best is not None and best.cost < least else None
+
+
+def _behind_causes(model: Model, cut: Cut, parallel: ParallelMap) -> list[Fitted]:
+    """The nearest plants of the grid, each with the cause that it is behind."""
+    every = hidden_plants(model, cut, parallel)
+    return [start for name, plants in every for start in _starts(model, name, plants, cut)]
 
 
 def _starts(model: Model, name: str, plants: Sequence[Values], cut: Cut) -> list[Fitted]:

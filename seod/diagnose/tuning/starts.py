@@ -219,13 +219,35 @@ class RampGrid:
     1.4 to 1.9 times the error."""
     speeds: int = 13
     """[-] So many: down to a fifteenth of the quickest. Chosen: the seven were as slow as a twelfth."""
-    rows: int = 4000
-    """[rows] In which they are looked for, at most. Measured: five of the seven are found, as in all."""
-    kept: int = 2
-    """[plants] Of different speed that are fitted, the best of the grid. Chosen."""
 
 
 RAMP_GRID: Final = RampGrid()
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionGrid:
+    """Levels of dry friction behind which plants are looked for."""
+
+    levels: tuple[float, ...] = (0.1, 0.15, 0.23, 0.35, 0.5, 0.75, 1.1, 1.7, 2.5)
+    """[-] Over K_L omega_n times the command's deviation. Measured: of seven levels from 0.2 to 3 six fits of
+    six came to the plant of a load that mostly stands."""
+
+
+FRICTION_GRID: Final = FrictionGrid()
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenPlants:
+    """Plants that are looked for behind a cause."""
+
+    rows: int = 4000
+    """[rows] In which they are looked for, at most. Measured: five of seven slow valves are found, as in
+    all."""
+    kept: int = 2
+    """[plants] Behind different sizes that are fitted, the best of the grid. Chosen."""
+
+
+HIDDEN_PLANTS: Final = HiddenPlants()
 
 
 @dataclass(frozen=True, slots=True)
