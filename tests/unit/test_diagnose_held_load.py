@@ -22,7 +22,7 @@ FINER = 10
 
 @cache
 def position(shares, unit=1.0):
-    """Of a load from rest that friction of so many times K_L omega_n std(u) holds; exact steps of the pressure.
+    """Of a load from rest that friction of so many times K_L omega_n std(u) holds.
 
     The pressure answers a speed that stands still over a step; the load's speed never turns within one.
     """
